@@ -1,0 +1,1 @@
+"""Quantities computed from the files of a run; no kernel of the simulation is imported here."""

@@ -1,0 +1,1 @@
+"""Hydrodynamic operators: two-sphere functions, neighbours, near field."""
