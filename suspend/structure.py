@@ -1,0 +1,211 @@
+"""Structure of a configuration in the sheared periodic cell: pairs, contact value of g(r), bond order.
+
+Lengths in sphere radii unless said otherwise; the cell is (L,0,0), (tilt L, L, 0), (0,0,L).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+BOND_RANGE = 2.8  # 1.4 diameters: the first minimum of g(r) in dense sphere suspensions
+SOLID_BONDS = 7  # a sphere with this many parallel q6 bonds counts as crystalline
+PARALLEL = 0.7  # q6 bonds with a normalised scalar product above this are parallel
+MINIMUM_PAIRS = 30  # below this many pairs in the shell a contact value says nothing
+
+
+class Pairs(NamedTuple):
+    """Directed pairs: both (i, j) and (j, i) appear, each with every image in range."""
+
+    first: np.ndarray  # (P,) int, sphere i
+    second: np.ndarray  # (P,) int, sphere j
+    vector: np.ndarray  # (P,3) from i to the image of j
+    distance: np.ndarray  # (P,)
+
+
+class ContactValue(NamedTuple):
+    """g(r) at contact with its standard error from counting; both NaN where too few pairs are in the shell."""
+
+    value: float
+    error: float
+    pairs: int
+
+
+class BondOrder(NamedTuple):
+    """Steinhardt order of the bonds within a range (see `bond_order`)."""
+
+    global_q6: float
+    local_q6: float
+    crystal_fraction: float
+    bonds: int
+
+
+def cell_vectors(length: float, tilt: float = 0.0) -> np.ndarray:
+    """Rows are the vectors (L,0,0), (tilt L, L, 0), (0,0,L) of the sheared cell, shape (3,3)."""
+    return length * np.array([[1.0, 0.0, 0.0], [tilt, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def wrap(positions: np.ndarray, length: float, tilt: float = 0.0) -> np.ndarray:
+    """Positions (N,3) brought into the cell: fractional coordinates in [0, 1) along its vectors."""
+    x = np.array(positions, dtype=float)
+    for axis in (2, 1, 0):
+        image = np.floor(x[:, axis] / length) if axis else np.floor((x[:, 0] - tilt * x[:, 1]) / length)
+        x[:, axis] -= image * length
+        if axis == 1:
+            x[:, 0] -= image * tilt * length
+    x[:, 1:][x[:, 1:] >= length] = 0.0  # a tiny negative coordinate rounds up to L
+    x[:, 0] = np.where(x[:, 0] - tilt * x[:, 1] >= length, tilt * x[:, 1], x[:, 0])
+    return x
+
+
+def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float = 0.0) -> Pairs:
+    """All directed pairs with centre distance <= reach, every periodic image included (a sphere's own too).
+
+    positions (N,3), any units, equal to those of length and reach; tilt any real number. Images of the cell
+    within reach are laid around it and searched with a k-d tree, so reach may exceed L/2.
+    """
+    x = wrap(positions, length, tilt)
+    fractions = np.column_stack([(x[:, 0] - tilt * x[:, 1]) / length, x[:, 1] / length, x[:, 2] / length])
+    margin = reach / length * np.array([math.hypot(1.0, tilt), 1.0, 1.0])
+    layers = np.ceil(margin).astype(int)
+    vectors = cell_vectors(length, tilt)
+    ghosts, owners = [], []
+    for shift in np.ndindex(*(2 * layers + 1)):
+        image = np.array(shift) - layers
+        f = fractions + image
+        near = np.flatnonzero(np.all((f >= -margin - 1e-9) & (f <= 1.0 + margin + 1e-9), axis=1))
+        ghosts.append(x[near] + image @ vectors)
+        owners.append(near)
+    ghost, owner = np.concatenate(ghosts), np.concatenate(owners)
+    tree, images = cKDTree(x), cKDTree(ghost)
+    found = tree.sparse_distance_matrix(images, reach, output_type="ndarray")
+    first, second = found["i"], owner[found["j"]]
+    vector = ghost[found["j"]] - x[first]
+    distance = np.sqrt(np.sum(vector**2, axis=1))
+    # A sphere is at distance zero from itself in the middle cell; that is no pair, two coincident spheres are.
+    keep = ~((first == second) & (distance < 0.5 * length))
+    return Pairs(first[keep], second[keep], vector[keep], distance[keep])
+
+
+def smallest_distance(positions: np.ndarray, length: float, tilt: float = 0.0) -> tuple[float, int, int]:
+    """Smallest centre distance over all pairs and images, and the two spheres (equal for a sphere's own image).
+
+    positions (N,3) in any units, those of length.
+    """
+    reach = min(2.0 * length / len(positions) ** (1.0 / 3.0), length)
+    while True:
+        pairs = pairs_within(positions, length, reach * (1.0 + 1e-9), tilt)
+        if len(pairs.distance):
+            k = int(np.argmin(pairs.distance))
+            return float(pairs.distance[k]), int(pairs.first[k]), int(pairs.second[k])
+        reach *= 1.5
+
+
+def contact_value(
+    positions: np.ndarray, length: float, tilt: float = 0.0, diameter: float = 2.0, shell: float = 0.2
+) -> ContactValue:
+    """Radial distribution function at contact, g(diameter), extrapolated from a thin shell outside contact.
+
+    Pairs with diameter <= r < (1 + shell) diameter are counted in 20 bins, expected N (N-1)/(2 V) dV g(r) each;
+    ln g = c0 + c1 s + c2 s^2, s = r/diameter - 1, is fitted by maximum likelihood (Poisson counts), and
+    g(diameter) = exp(c0) with the error of c0 from the Fisher information. Pairs closer than `diameter` count
+    as in contact. Equilibrium fluid: (1 - phi/2)/(1 - phi)^3 (Carnahan & Starling, J. Chem. Phys. 51, 635, 1969).
+    """
+    edges = diameter * np.linspace(1.0, 1.0 + shell, 21)
+    pairs = pairs_within(positions, length, edges[-1], tilt)
+    n = len(positions)
+    counts = np.histogram(np.maximum(pairs.distance, edges[0]), edges)[0] / 2.0
+    total = float(counts.sum())
+    if total < MINIMUM_PAIRS:
+        return ContactValue(math.nan, math.nan, int(total))
+    ideal = 0.5 * n * (n - 1) / length**3 * (4.0 * math.pi / 3.0) * np.diff(edges**3)
+    s = (0.5 * (edges[1:] + edges[:-1]) / diameter - 1.0) / shell
+    basis = np.column_stack([np.ones_like(s), s, s * s])
+    c = np.array([math.log(total / ideal.sum()), 0.0, 0.0])
+    likelihood = -math.inf
+    for _ in range(100):  # Newton on a concave log-likelihood, halved where it overshoots
+        mean = ideal * np.exp(basis @ c)
+        fisher = basis.T @ (mean[:, None] * basis)
+        step = np.linalg.solve(fisher, basis.T @ (counts - mean))
+        while _log_likelihood(basis @ (c + step), ideal, counts) < likelihood - 1e-9 * total:
+            step *= 0.5
+        c = c + step
+        likelihood = _log_likelihood(basis @ c, ideal, counts)
+        if np.max(np.abs(step)) < 1e-8:
+            break
+    value = math.exp(c[0])
+    return ContactValue(value, value * math.sqrt(np.linalg.inv(fisher)[0, 0]), int(total))
+
+
+def _log_likelihood(log_g: np.ndarray, ideal: np.ndarray, counts: np.ndarray) -> float:
+    """Poisson log-likelihood of the counts up to a constant."""
+    return float(counts @ log_g - ideal @ np.exp(log_g))
+
+
+def carnahan_starling(volume_fraction: float) -> float:
+    """Contact value (1 - phi/2)/(1 - phi)^3 of the equilibrium hard-sphere fluid (phi <= 0.494).
+
+    Carnahan & Starling, J. Chem. Phys. 51, 635 (1969).
+    """
+    return (1.0 - 0.5 * volume_fraction) / (1.0 - volume_fraction) ** 3
+
+
+def sixth_harmonics(vectors: np.ndarray) -> np.ndarray:
+    """The 13 real spherical harmonics of degree 6 of the directions `vectors` (P,3), shape (P,13).
+
+    Scaled so that the product of two rows is the Legendre polynomial P6 of the angle between them.
+    """
+    u = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    z = u[:, 2]
+    w = u[:, 0] + 1j * u[:, 1]
+    z2 = z * z
+    polynomials = (
+        (math.sqrt(21.0) / 8.0, z * (33.0 * z2 * z2 - 30.0 * z2 + 5.0)),
+        (math.sqrt(105.0 / 2.0) / 16.0, 33.0 * z2 * z2 - 18.0 * z2 + 1.0),
+        (math.sqrt(105.0 / 2.0) / 8.0, z * (11.0 * z2 - 3.0)),
+        (math.sqrt(63.0) / 16.0, 11.0 * z2 - 1.0),
+        (math.sqrt(693.0 / 2.0) / 8.0, z),
+        (math.sqrt(231.0 / 2.0) / 16.0, np.ones_like(z)),
+    )
+    columns = [(231.0 * z2**3 - 315.0 * z2 * z2 + 105.0 * z2 - 5.0) / 16.0]
+    power = np.ones_like(w)
+    for factor, polynomial in polynomials:
+        power = power * w
+        columns += [factor * polynomial * power.real, factor * polynomial * power.imag]
+    return np.column_stack(columns)
+
+
+def bond_order(
+    positions: np.ndarray, length: float, tilt: float = 0.0, reach: float = BOND_RANGE
+) -> BondOrder:
+    """Steinhardt bond order of degree 6 with neighbours closer than `reach`.
+
+    global_q6  |<Y6(bond)>| over all bonds: fcc 0.5745, hcp 0.4848, sc 0.3536 (nearest neighbours); of the order
+               of 1/sqrt(bonds) in a disordered configuration (Steinhardt, Nelson & Ronchetti, PRB 28, 784, 1983)
+    local_q6   mean over spheres of |<Y6(bond)>| over its own bonds (0.3 to 0.45 even when disordered)
+    crystal_fraction  share of spheres with >= 7 bonds to neighbours whose q6 is parallel to theirs, normalised
+               product > 0.7 (ten Wolde, Ruiz-Montero & Frenkel, J. Chem. Phys. 104, 9932, 1996): it also shows
+               crystallites that point in different directions, which the global order averages away
+    All zero without bonds. positions (N,3) and reach in the units of length.
+    """
+    n = len(positions)
+    pairs = pairs_within(positions, length, reach, tilt)
+    if len(pairs.distance) == 0:
+        return BondOrder(0.0, 0.0, 0.0, 0)
+    harmonics = sixth_harmonics(pairs.vector)
+    neighbours = np.bincount(pairs.first, minlength=n)
+    sums = np.column_stack([np.bincount(pairs.first, column, minlength=n) for column in harmonics.T])
+    norms = np.sqrt(np.sum(sums**2, axis=1))
+    local = norms / np.maximum(neighbours, 1)
+    unit = sums / np.maximum(norms, 1e-300)[:, None]
+    parallel = np.sum(unit[pairs.first] * unit[pairs.second], axis=1) > PARALLEL
+    connections = np.bincount(pairs.first, parallel, minlength=n)
+    return BondOrder(
+        float(np.linalg.norm(harmonics.mean(axis=0))),
+        float(local.mean()),
+        float(np.mean(connections >= SOLID_BONDS)),
+        len(pairs.distance) // 2,
+    )
