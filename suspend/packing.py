@@ -1,9 +1,9 @@
 """Random packings of equal hard spheres in a cubic periodic cell: the starting configurations of a run.
 
-Random points are pushed apart until no two are closer than 2 + minimum_gap (radii), then moved by hard-sphere
-Monte Carlo at that diameter until the configuration has forgotten how it was made: below the freezing point
-until every sphere has travelled a diameter (an equilibrium fluid), above it for a limited number of sweeps, because
-the equilibrium there is a crystal.
+Random points are pushed apart until no two are closer than the diameter 2 + minimum_gap (radii); hard-sphere
+Monte Carlo stirs them until every sphere has travelled a diameter: an equilibrium fluid. Above the freezing
+point, where the equilibrium is a crystal, the fluid at freezing is compressed in small steps instead, each
+followed by a limited number of sweeps: a glass that is disordered and has forgotten the random points.
 """
 
 from __future__ import annotations
@@ -23,9 +23,12 @@ DENSEST = 0.62  # random packings jam at 0.64; closer to it the spheres cannot b
 SOFTENING = 1e-3  # relative excess of the diameter at which overlaps are removed
 ROUNDING = 1e-10  # relative excess of the diameter, so that no rounding brings a pair below it
 BLOCK = 50  # sweeps between adjustments of the trial step
-EQUILIBRIUM_SWEEPS = 20_000  # at most, below freezing
-METASTABLE_SWEEPS = 500  # above freezing
+STIRRING_SWEEPS = 20_000  # at most, in the fluid
+STIRRING_MOVES = 10**9  # at most, in the fluid: fewer sweeps for very many spheres
+COMPRESSION_STEP = 0.005  # in volume fraction, above freezing
+COMPRESSION_SWEEPS = 300  # after each of these steps
 CRYSTALLINE = 0.15  # share of crystalline spheres above which a configuration is refused
+JUDGED = 100  # spheres from which on a share of crystalline ones says something
 ATTEMPTS = 20  # independent starts
 SEPARATION_STEPS = 20_000  # of the relaxation, per start
 
@@ -54,99 +57,133 @@ class Packing(NamedTuple):
 def random_packing(
     number: int, volume_fraction: float, minimum_gap: float = 1e-3, seed: int = 1
 ) -> Packing:
-    """Random hard-sphere configuration of `number` spheres at `volume_fraction`, all gaps >= minimum_gap (radii).
+    """Random hard spheres, `number` of them at `volume_fraction`, all surface gaps >= minimum_gap (radii).
 
     L^3 = N (4/3) pi / phi. The same seed gives the same bits, whatever the number of threads. Valid for
-    phi (1 + minimum_gap/2)^3 <= 0.62 and N >= 1. Raises ConfigurationError where the spheres cannot fit, NumericalError
-    where no disordered arrangement was found.
+    phi (1 + minimum_gap/2)^3 <= 0.62 and N >= 1. Raises ConfigurationError where the spheres cannot fit,
+    NumericalError where no disordered arrangement was found.
     """
     started = time.perf_counter()
-    length, diameter = _cell_and_diameter(number, volume_fraction, minimum_gap)
+    length, diameter = _cell_and_diameter(number, volume_fraction, minimum_gap, seed)
     effective = volume_fraction * (1.0 + 0.5 * minimum_gap) ** 3
     crystals = 0
     for attempt in range(ATTEMPTS):
-        x = _separated(number, length, diameter, seed, attempt)
-        if x is None:
+        # After a start that crystallised the next one is compressed twice as fast.
+        stirring = _Stirring(number, length, seed, attempt)
+        if not stirring.prepare(diameter, effective, COMPRESSION_SWEEPS >> crystals):
             continue
-        # A start that crystallised is begun again and stirred for half as long.
-        x, sweeps, travel = _stirred(x, length, diameter, effective, (seed, attempt), 2**-crystals)
+        x = stirring.positions
         order = bond_order(x, length, reach=1.4 * diameter)
-        if number < 100 or order.crystal_fraction <= CRYSTALLINE:
+        if number < JUDGED or order.crystal_fraction <= CRYSTALLINE:
             break
         crystals += 1
     else:
         raise NumericalError(_failure(number, volume_fraction, minimum_gap, crystals))
-    gap = smallest_distance(x, length)[0] - 2.0
     contact = contact_value(x, length, diameter=diameter)
     return Packing(
         positions=x,
         length=length,
         volume_fraction=volume_fraction,
         effective_volume_fraction=effective,
-        minimum_gap=gap,
+        minimum_gap=smallest_distance(x, length)[0] - 2.0,
         contact_value=contact.value,
         contact_error=contact.error,
         equilibrium_contact_value=carnahan_starling(effective),
         global_q6=order.global_q6,
         local_q6=order.local_q6,
         crystal_fraction=order.crystal_fraction,
-        sweeps=sweeps,
-        rms_travel=travel,
-        equilibrium=effective <= FREEZING and travel >= diameter,
+        sweeps=stirring.sweeps,
+        rms_travel=stirring.rms_travel(),
+        equilibrium=effective <= FREEZING and stirring.rms_travel() >= diameter,
         attempts=attempt + 1,
         seconds=time.perf_counter() - started,
     )
 
 
-def _cell_and_diameter(number: int, volume_fraction: float, minimum_gap: float) -> tuple[float, float]:
-    """Edge of the cell and diameter of the spheres with their gap; ConfigurationError where they cannot fit."""
+class _Stirring:
+    """One start: positions, random stream and Monte Carlo figures, from random points to the packing."""
+
+    def __init__(self, number: int, length: float, seed: int, attempt: int):
+        self.length = length
+        self.positions = np.random.default_rng([seed, attempt]).random((number, 3)) * length
+        self.travel = np.zeros((number, 3))
+        self.sweeps = 0
+        self._state = np.random.SeedSequence([seed, attempt, 1]).generate_state(1, np.uint64)
+        self._step = 0.1  # half edge of the cube of trial moves
+
+    def prepare(self, diameter: float, effective: float, compression_sweeps: int) -> bool:
+        """Bring the points to a packing at `diameter` (volume fraction `effective`); False if they jam."""
+        stages = max(0, math.ceil((effective - FREEZING) / COMPRESSION_STEP - 1e-9))
+        fluid = diameter * (min(effective, FREEZING) / effective) ** (1.0 / 3.0)
+        if not self._separate(fluid):
+            return False
+        limit = min(STIRRING_SWEEPS, STIRRING_MOVES // len(self.positions))
+        while self.sweeps < limit and self.rms_travel() < fluid:
+            self._stir(fluid, BLOCK)
+        for stage in range(1, stages + 1):
+            larger = fluid + (diameter - fluid) * (stage / stages)
+            if not self._separate(larger):
+                return False
+            for _ in range(0, compression_sweeps, BLOCK):
+                self._stir(larger, BLOCK)
+        self._sort()
+        return True
+
+    def rms_travel(self) -> float:
+        """Root mean square displacement of a sphere by the Monte Carlo so far."""
+        return math.sqrt(np.mean(np.sum(self.travel**2, axis=1)))
+
+    def _sort(self) -> None:
+        order = spatial_order(self.positions, self.length)
+        self.positions = np.ascontiguousarray(self.positions[order])
+        self.travel = np.ascontiguousarray(self.travel[order])
+
+    def _separate(self, diameter: float) -> bool:
+        self._sort()  # neighbours in memory make both kernels faster
+        soft = min(diameter * (1.0 + SOFTENING), self.length)
+        hard = diameter * (1.0 + ROUNDING)
+        return separate(self.positions, self.length, hard, soft, SEPARATION_STEPS) >= 0
+
+    def _stir(self, diameter: float, sweeps: int) -> None:
+        hard = diameter * (1.0 + ROUNDING)
+        accepted = metropolis(
+            self.positions, self.travel, self.length, hard, self._step, sweeps, self._state
+        )
+        self.sweeps += sweeps
+        # Towards 30 % acceptance, which moves dense hard spheres fastest.
+        self._step = min(self._step * min(1.5, max(0.5, (accepted + 0.05) / 0.35)), 0.5 * self.length)
+
+
+def _cell_and_diameter(
+    number: int, volume_fraction: float, minimum_gap: float, seed: int
+) -> tuple[float, float]:
+    """Edge of the cell, diameter of the spheres with their gap; ConfigurationError if they cannot fit."""
     if int(number) != number or number < 1:
         raise ConfigurationError(f"random packing: number of spheres is {number}, must be an integer >= 1")
     if not 0.0 < volume_fraction < 1.0:
-        raise ConfigurationError(f"random packing: volume fraction is {volume_fraction}, must be in (0, 0.62]")
+        raise ConfigurationError(
+            f"random packing: volume fraction is {volume_fraction}, must be > 0 and <= {DENSEST}"
+        )
     if not (minimum_gap >= 0.0 and math.isfinite(minimum_gap)):
         raise ConfigurationError(f"random packing: minimum gap is {minimum_gap} radii, must be >= 0")
+    if int(seed) != seed or seed < 0:
+        raise ConfigurationError(f"random packing: seed is {seed}, must be an integer >= 0")
     effective = volume_fraction * (1.0 + 0.5 * minimum_gap) ** 3
     if effective > DENSEST:
         raise ConfigurationError(
-            f"random packing: {number} spheres at volume fraction {volume_fraction:g} with gaps >= {minimum_gap:g} "
-            f"radii fill {effective:.4f} of the cell, more than the {DENSEST} that random packings reach; lower "
-            "particles.volume_fraction or particles.minimum_gap, or read the configuration from a file"
+            f"random packing: {number} spheres at volume fraction {volume_fraction:g} with gaps >= "
+            f"{minimum_gap:g} radii fill {effective:.4f} of the cell, more than the {DENSEST} that random "
+            "packings reach; lower particles.volume_fraction or particles.minimum_gap, or read the "
+            "configuration from a file"
         )
     length = (number * 4.0 * math.pi / (3.0 * volume_fraction)) ** (1.0 / 3.0)
     if length < (2.0 + minimum_gap) * (1.0 + ROUNDING):
         raise ConfigurationError(
-            f"random packing: the cell's edge is {length:.4f} radii, so that a sphere touches its own image; "
-            f"{number} spheres with gaps >= {minimum_gap:g} radii need a lower particles.volume_fraction or more spheres"
+            f"random packing: the cell's edge is {length:.4f} radii, so that a sphere would touch its own "
+            f"image; N = {number} with gaps >= {minimum_gap:g} radii needs a lower particles.volume_fraction "
+            "or more spheres"
         )
     return length, 2.0 + minimum_gap
-
-
-def _separated(number: int, length: float, diameter: float, seed: int, attempt: int) -> np.ndarray | None:
-    """Random points pushed apart to distances >= diameter, in spatial order; None if they jammed."""
-    x = np.random.default_rng([seed, attempt]).random((number, 3)) * length
-    hard = diameter * (1.0 + ROUNDING)
-    x = x[spatial_order(x, length)]
-    steps = separate(x, length, hard, min(diameter * (1.0 + SOFTENING), length), SEPARATION_STEPS)
-    return x[spatial_order(x, length)] if steps >= 0 else None
-
-
-def _stirred(
-    x: np.ndarray, length: float, diameter: float, effective: float, stream: tuple[int, int], share: float
-) -> tuple[np.ndarray, int, float]:
-    """Hard-sphere Monte Carlo from `x`; returns the positions in spatial order, the sweeps and the rms travel."""
-    state = np.random.SeedSequence([*stream, 1]).generate_state(1, np.uint64)
-    travel = np.zeros_like(x)
-    limit = EQUILIBRIUM_SWEEPS if effective <= FREEZING else int(share * METASTABLE_SWEEPS)
-    step, sweeps, rms = 0.1, 0, 0.0
-    while sweeps < limit and (rms < diameter or effective > FREEZING):
-        block = min(BLOCK, limit - sweeps)
-        accepted = metropolis(x, travel, length, diameter * (1.0 + ROUNDING), step, block, state)
-        sweeps += block
-        # Towards 30 % acceptance, which moves dense hard spheres fastest.
-        step = min(step * min(1.5, max(0.5, (accepted + 0.05) / 0.35)), 0.5 * length)
-        rms = math.sqrt(np.mean(np.sum(travel**2, axis=1)))
-    return np.ascontiguousarray(x[spatial_order(x, length)]), sweeps, rms
 
 
 def spatial_order(positions: np.ndarray, length: float) -> np.ndarray:
@@ -167,7 +204,7 @@ def _failure(number: int, volume_fraction: float, minimum_gap: float, crystals: 
     """The message when every start jammed or crystallised."""
     what = f"{crystals} crystallised and {ATTEMPTS - crystals} jammed"
     return (
-        f"random packing: no disordered arrangement of {number} spheres at volume fraction {volume_fraction:g} with "
-        f"gaps >= {minimum_gap:g} radii in {ATTEMPTS} starts ({what}); use more spheres, a lower "
-        "particles.volume_fraction or particles.minimum_gap, or read the configuration from a file"
+        f"random packing: no disordered arrangement of {number} spheres at volume fraction "
+        f"{volume_fraction:g} with gaps >= {minimum_gap:g} radii in {ATTEMPTS} starts ({what}); use more "
+        "spheres, a lower particles.volume_fraction or particles.minimum_gap, or read the configuration from a file"
     )

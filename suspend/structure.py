@@ -27,7 +27,7 @@ class Pairs(NamedTuple):
 
 
 class ContactValue(NamedTuple):
-    """g(r) at contact with its standard error from counting; both NaN where too few pairs are in the shell."""
+    """g(r) at contact and its standard error from counting; both NaN where too few pairs are near."""
 
     value: float
     error: float
@@ -85,17 +85,17 @@ def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float
     first, second = found["i"], owner[found["j"]]
     vector = ghost[found["j"]] - x[first]
     distance = np.sqrt(np.sum(vector**2, axis=1))
-    # A sphere is at distance zero from itself in the middle cell; that is no pair, two coincident spheres are.
+    # A sphere at distance zero from itself is no pair; two coincident spheres are one.
     keep = ~((first == second) & (distance < 0.5 * length))
     return Pairs(first[keep], second[keep], vector[keep], distance[keep])
 
 
 def smallest_distance(positions: np.ndarray, length: float, tilt: float = 0.0) -> tuple[float, int, int]:
-    """Smallest centre distance over all pairs and images, and the two spheres (equal for a sphere's own image).
+    """Smallest centre distance over all pairs and images, and its two spheres (equal for an own image).
 
     positions (N,3) in any units, those of length.
     """
-    reach = min(2.0 * length / len(positions) ** (1.0 / 3.0), length)
+    reach = min(1.2 * length / len(positions) ** (1.0 / 3.0), length)
     while True:
         pairs = pairs_within(positions, length, reach * (1.0 + 1e-9), tilt)
         if len(pairs.distance):
@@ -109,10 +109,11 @@ def contact_value(
 ) -> ContactValue:
     """Radial distribution function at contact, g(diameter), extrapolated from a thin shell outside contact.
 
-    Pairs with diameter <= r < (1 + shell) diameter are counted in 20 bins, expected N (N-1)/(2 V) dV g(r) each;
-    ln g = c0 + c1 s + c2 s^2, s = r/diameter - 1, is fitted by maximum likelihood (Poisson counts), and
-    g(diameter) = exp(c0) with the error of c0 from the Fisher information. Pairs closer than `diameter` count
-    as in contact. Equilibrium fluid: (1 - phi/2)/(1 - phi)^3 (Carnahan & Starling, J. Chem. Phys. 51, 635, 1969).
+    Pairs with diameter <= r < (1 + shell) diameter are counted in 20 bins, expected N (N-1)/(2 V) dV g(r)
+    each; ln g = c0 + c1 s + c2 s^2, s = r/diameter - 1, is fitted by maximum likelihood (Poisson counts),
+    and g(diameter) = exp(c0) with the error of c0 from the Fisher information. Pairs closer than `diameter`
+    count as in contact. positions (N,3), length and diameter in the same unit. A pole at contact narrower
+    than a bin (touching spheres) is averaged over it.
     """
     edges = diameter * np.linspace(1.0, 1.0 + shell, 21)
     pairs = pairs_within(positions, length, edges[-1], tilt)
@@ -183,12 +184,12 @@ def bond_order(
 ) -> BondOrder:
     """Steinhardt bond order of degree 6 with neighbours closer than `reach`.
 
-    global_q6  |<Y6(bond)>| over all bonds: fcc 0.5745, hcp 0.4848, sc 0.3536 (nearest neighbours); of the order
-               of 1/sqrt(bonds) in a disordered configuration (Steinhardt, Nelson & Ronchetti, PRB 28, 784, 1983)
+    global_q6  |<Y6(bond)>| over all bonds: fcc 0.5745, hcp 0.4848, sc 0.3536 (nearest neighbours); of the
+        order of 1/sqrt(bonds) when disordered (Steinhardt, Nelson & Ronchetti, PRB 28, 784, 1983)
     local_q6   mean over spheres of |<Y6(bond)>| over its own bonds (0.3 to 0.45 even when disordered)
-    crystal_fraction  share of spheres with >= 7 bonds to neighbours whose q6 is parallel to theirs, normalised
-               product > 0.7 (ten Wolde, Ruiz-Montero & Frenkel, J. Chem. Phys. 104, 9932, 1996): it also shows
-               crystallites that point in different directions, which the global order averages away
+    crystal_fraction  share of spheres with >= 7 bonds to neighbours whose q6 is parallel to theirs,
+        normalised product > 0.7 (ten Wolde, Ruiz-Montero & Frenkel, J. Chem. Phys. 104, 9932, 1996); it also
+        shows crystallites that point in different directions, which the global order averages away
     All zero without bonds. positions (N,3) and reach in the units of length.
     """
     n = len(positions)

@@ -1,9 +1,9 @@
 """Kernels of the random packing: removal of overlaps and hard-sphere Monte Carlo in a cubic periodic cell.
 
 Single-threaded and without fast-math, so that a seed gives the same bits whatever the number of threads.
-Cells of edge >= the interaction range, 27 of them per sphere; where fewer than three fit along the edge, every
-pair is visited with its 27 nearest images instead. A sphere's own images are at distance >= L, which the
-caller keeps above the diameter.
+Cells of edge >= the interaction range, 27 of them per sphere; where fewer than three fit along the edge,
+every pair is visited with its images instead. A sphere's own images are at distance >= L, which the caller
+keeps above the diameter.
 """
 
 from __future__ import annotations
@@ -13,12 +13,9 @@ from numba import njit
 
 jit = njit(error_model="numpy", cache=True)
 
-CAPACITY = 16  # hard spheres per cell of edge < 4/3 diameters: nine fit, so this is never full
-
-
 @jit
 def uniform(state):
-    """Next uniform number in [0, 1) of the SplitMix64 stream (Steele, Lea & Flood 2014); `state` (1,) uint64."""
+    """Next number in [0, 1) of a SplitMix64 stream (Steele, Lea & Flood 2014); `state` (1,) uint64."""
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -41,6 +38,12 @@ def wrapped(x, length):
 
 
 @jit
+def cells_along(length, reach, number):
+    """Cells along an edge: as many as are wider than `reach`, but not many more than spheres in all."""
+    return int(min(length / reach, max(3.0, np.ceil((4.0 * number) ** (1.0 / 3.0)))))
+
+
+@jit
 def cell_of(x, cells, length):
     """Index along one axis of the cell that holds the wrapped coordinate x."""
     c = int(x * cells / length)
@@ -49,7 +52,7 @@ def cell_of(x, cells, length):
 
 @jit
 def add_push(i, j, d, diameter, force):
-    """Add the push force diameter - r between i and j, d = x_i - x_j; returns r^2 (4 diameters^2 if apart)."""
+    """Add the force diameter - r between i and j, d = x_i - x_j; returns r^2 (4 diameter^2 if apart)."""
     r2 = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     if r2 >= diameter * diameter:
         return 4.0 * diameter * diameter
@@ -82,14 +85,16 @@ def push_images(x, length, diameter, force):
 
 @jit
 def push_cells(x, length, cells, diameter, force):
-    """Add the forces of E = sum (diameter - r)^2/2 over overlapping pairs; returns the smallest r^2 among them."""
+    """Add the forces of E = sum (diameter - r)^2/2 over overlapping pairs; returns their smallest r^2."""
     n = len(x)
     head = np.full(cells**3, -1, np.int64)
     following = np.empty(n, np.int64)
     smallest = 4.0 * diameter * diameter
     d = np.empty(3)
     for i in range(n):
-        cx, cy, cz = cell_of(x[i, 0], cells, length), cell_of(x[i, 1], cells, length), cell_of(x[i, 2], cells, length)
+        cx = cell_of(x[i, 0], cells, length)
+        cy = cell_of(x[i, 1], cells, length)
+        cz = cell_of(x[i, 2], cells, length)
         # Only spheres already in the list are visited, so that each pair comes up once.
         for k in range(27):
             ax = (cx + k // 9 - 1 + cells) % cells
@@ -108,13 +113,13 @@ def push_cells(x, length, cells, diameter, force):
 
 @jit
 def separate(x, length, hard, soft, max_steps):
-    """Move the spheres `x` (N,3) apart until every distance is >= `hard`; returns the steps, or -1 if they jammed.
+    """Move the spheres `x` (N,3) apart until every distance is >= `hard`; returns the steps, -1 if jammed.
 
     Fast inertial relaxation (FIRE: Bitzek et al., PRL 97, 170201, 2006) of the harmonic overlap energy at the
     slightly larger diameter `soft`, so that the small overlaps an iteration leaves are none at `hard`.
     """
     n = len(x)
-    cells = int(length / soft)
+    cells = cells_along(length, soft, n)
     velocity = np.zeros((n, 3))
     force = np.zeros((n, 3))
     dt, mixing, downhill = 0.1, 0.1, 0
@@ -152,19 +157,19 @@ def separate(x, length, hard, soft, max_steps):
 
 
 @jit
-def fill_cells(x, length, cells, members, occupancy):
-    """List the spheres of each cell: members (cells^3, CAPACITY), occupancy (cells^3,)."""
-    occupancy[:] = 0
+def fill_cells(x, length, cells, head, following):
+    """Chain the spheres of each cell: head (cells^3,) the first, following (N,) the next, -1 ends a chain."""
+    head[:] = -1
     for i in range(len(x)):
         c = cell_of(x[i, 0], cells, length) * cells + cell_of(x[i, 1], cells, length)
         c = c * cells + cell_of(x[i, 2], cells, length)
-        members[c, occupancy[c]] = i
-        occupancy[c] += 1
+        following[i] = head[c]
+        head[c] = i
 
 
 @jit
-def free_in_cells(x, i, p, length, cells, d2, members, occupancy):
-    """Whether sphere i of squared diameter d2 may sit at p (three wrapped coordinates), from the cell lists."""
+def free_in_cells(x, i, p, length, cells, d2, head, following):
+    """Whether sphere i of squared diameter d2 may sit at p (wrapped coordinates), from the chains."""
     cx, cy, cz = cell_of(p[0], cells, length), cell_of(p[1], cells, length), cell_of(p[2], cells, length)
     for ox in range(-1, 2):
         ax = cx + ox
@@ -188,11 +193,12 @@ def free_in_cells(x, i, p, length, cells, d2, members, occupancy):
                 elif az >= cells:
                     az, sz = az - cells, sz - length
                 c = (ax * cells + ay) * cells + az
-                for k in range(occupancy[c]):
-                    j = members[c, k]
+                j = head[c]
+                while j >= 0:
                     r2 = (sx - x[j, 0]) ** 2 + (sy - x[j, 1]) ** 2 + (sz - x[j, 2]) ** 2
                     if r2 < d2 and j != i:
                         return False
+                    j = following[j]
     return True
 
 
@@ -210,32 +216,33 @@ def free_among_images(x, i, p, length, d2):
 
 
 @jit
-def move_member(i, old, new, members, occupancy):
-    """Move sphere i from the list of cell `old` to that of `new`."""
-    k = 0
-    while members[old, k] != i:
-        k += 1
-    occupancy[old] -= 1
-    members[old, k] = members[old, occupancy[old]]
-    members[new, occupancy[new]] = i
-    occupancy[new] += 1
+def move_member(i, old, new, head, following):
+    """Move sphere i from the chain of cell `old` to that of `new`."""
+    if head[old] == i:
+        head[old] = following[i]
+    else:
+        j = head[old]
+        while following[j] != i:
+            j = following[j]
+        following[j] = following[i]
+    following[i] = head[new]
+    head[new] = i
 
 
 @jit
 def metropolis(x, travel, length, diameter, step, sweeps, state):
-    """`sweeps` Metropolis sweeps of hard spheres `x` (N,3), trial moves uniform in a cube of half edge `step`.
+    """Metropolis sweeps of hard spheres `x` (N,3), trial moves uniform in a cube of half edge `step`.
 
     Updates x (wrapped), travel (N,3: accumulated displacement) and the random stream `state`; returns the
     fraction of moves accepted. `x` must be free of overlaps at `diameter`.
     """
     n = len(x)
-    cells = int(length / diameter)
+    cells = cells_along(length, diameter, n)
     small = cells < 3
-    size = 1 if small else cells**3
-    members = np.empty((size, CAPACITY), np.int32)
-    occupancy = np.zeros(size, np.int32)
+    head = np.full(1 if small else cells**3, -1, np.int32)
+    following = np.full(n, -1, np.int32)
     if not small:
-        fill_cells(x, length, cells, members, occupancy)
+        fill_cells(x, length, cells, head, following)
     p = np.empty(3)
     d = np.empty(3)
     d2 = diameter * diameter
@@ -248,7 +255,7 @@ def metropolis(x, travel, length, diameter, step, sweeps, state):
             if small:
                 free = free_among_images(x, i, p, length, d2)
             else:
-                free = free_in_cells(x, i, p, length, cells, d2, members, occupancy)
+                free = free_in_cells(x, i, p, length, cells, d2, head, following)
             if not free:
                 continue
             accepted += 1
@@ -258,7 +265,7 @@ def metropolis(x, travel, length, diameter, step, sweeps, state):
                     old = old * cells + cell_of(x[i, a], cells, length)
                     new = new * cells + cell_of(p[a], cells, length)
                 if new != old:
-                    move_member(i, old, new, members, occupancy)
+                    move_member(i, old, new, head, following)
             for a in range(3):
                 x[i, a] = p[a]
                 travel[i, a] += d[a]
