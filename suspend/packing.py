@@ -54,9 +54,7 @@ class Packing(NamedTuple):
     seconds: float
 
 
-def random_packing(
-    number: int, volume_fraction: float, minimum_gap: float = 1e-3, seed: int = 1
-) -> Packing:
+def random_packing(number: int, volume_fraction: float, minimum_gap: float = 1e-3, seed: int = 1) -> Packing:
     """Random hard spheres, `number` of them at `volume_fraction`, all surface gaps >= minimum_gap (radii).
 
     L^3 = N (4/3) pi / phi. The same seed gives the same bits, whatever the number of threads. Valid for
@@ -146,9 +144,7 @@ class _Stirring:
 
     def _stir(self, diameter: float, sweeps: int) -> None:
         hard = diameter * (1.0 + ROUNDING)
-        accepted = metropolis(
-            self.positions, self.travel, self.length, hard, self._step, sweeps, self._state
-        )
+        accepted = metropolis(self.positions, self.travel, self.length, hard, self._step, sweeps, self._state)
         self.sweeps += sweeps
         # Towards 30 % acceptance, which moves dense hard spheres fastest.
         self._step = min(self._step * min(1.5, max(0.5, (accepted + 0.05) / 0.35)), 0.5 * self.length)
@@ -206,5 +202,6 @@ def _failure(number: int, volume_fraction: float, minimum_gap: float, crystals: 
     return (
         f"random packing: no disordered arrangement of {number} spheres at volume fraction "
         f"{volume_fraction:g} with gaps >= {minimum_gap:g} radii in {ATTEMPTS} starts ({what}); use more "
-        "spheres, a lower particles.volume_fraction or particles.minimum_gap, or read the configuration from a file"
+        "spheres, a lower particles.volume_fraction or particles.minimum_gap, or read the configuration "
+        "from a file"
     )

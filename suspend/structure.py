@@ -51,13 +51,16 @@ def cell_vectors(length: float, tilt: float = 0.0) -> np.ndarray:
 def wrap(positions: np.ndarray, length: float, tilt: float = 0.0) -> np.ndarray:
     """Positions (N,3) brought into the cell: fractional coordinates in [0, 1) along its vectors."""
     x = np.array(positions, dtype=float)
-    for axis in (2, 1, 0):
-        image = np.floor(x[:, axis] / length) if axis else np.floor((x[:, 0] - tilt * x[:, 1]) / length)
-        x[:, axis] -= image * length
-        if axis == 1:
-            x[:, 0] -= image * tilt * length
-    x[:, 1:][x[:, 1:] >= length] = 0.0  # a tiny negative coordinate rounds up to L
-    x[:, 0] = np.where(x[:, 0] - tilt * x[:, 1] >= length, tilt * x[:, 1], x[:, 0])
+    x[:, 2] -= length * np.floor(x[:, 2] / length)
+    x[x[:, 2] >= length, 2] = 0.0  # a tiny negative coordinate rounds up to L
+    image = np.floor(x[:, 1] / length)
+    x[:, 1] -= length * image
+    image += x[:, 1] >= length
+    x[x[:, 1] >= length, 1] = 0.0
+    x[:, 0] -= tilt * length * image
+    start = tilt * x[:, 1]  # of the cell at this height
+    x[:, 0] -= length * np.floor((x[:, 0] - start) / length)
+    x[:, 0] = np.where(x[:, 0] - start >= length, start, x[:, 0])
     return x
 
 
@@ -112,13 +115,13 @@ def contact_value(
     Pairs with diameter <= r < (1 + shell) diameter are counted in 20 bins, expected N (N-1)/(2 V) dV g(r)
     each; ln g = c0 + c1 s + c2 s^2, s = r/diameter - 1, is fitted by maximum likelihood (Poisson counts),
     and g(diameter) = exp(c0) with the error of c0 from the Fisher information. Pairs closer than `diameter`
-    count as in contact. positions (N,3), length and diameter in the same unit. A pole at contact narrower
+    are left out. positions (N,3), length and diameter in the same unit. A pole at contact narrower
     than a bin (touching spheres) is averaged over it.
     """
     edges = diameter * np.linspace(1.0, 1.0 + shell, 21)
     pairs = pairs_within(positions, length, edges[-1], tilt)
     n = len(positions)
-    counts = np.histogram(np.maximum(pairs.distance, edges[0]), edges)[0] / 2.0
+    counts = np.histogram(pairs.distance, edges)[0] / 2.0
     total = float(counts.sum())
     if total < MINIMUM_PAIRS:
         return ContactValue(math.nan, math.nan, int(total))

@@ -9,9 +9,9 @@ keeps above the diameter.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-jit = njit(error_model="numpy", cache=True)
+from suspend.core.jit import scalar as jit
+
 
 @jit
 def uniform(state):
