@@ -24,7 +24,7 @@ SOFTENING = 1e-3  # relative excess of the diameter at which overlaps are remove
 ROUNDING = 1e-10  # relative excess of the diameter, so that no rounding brings a pair below it
 BLOCK = 50  # sweeps between adjustments of the trial step
 STIRRING_SWEEPS = 20_000  # at most, in the fluid
-STIRRING_MOVES = 10**9  # at most, in the fluid: fewer sweeps for very many spheres
+STIRRING_MOVES = 5 * 10**8  # at most, in the fluid: fewer sweeps for very many spheres
 COMPRESSION_STEP = 0.005  # in volume fraction, above freezing
 COMPRESSION_SWEEPS = 300  # after each of these steps
 CRYSTALLINE = 0.15  # share of crystalline spheres above which a configuration is refused
@@ -77,13 +77,16 @@ def random_packing(number: int, volume_fraction: float, minimum_gap: float = 1e-
         crystals += 1
     else:
         raise NumericalError(_failure(number, volume_fraction, minimum_gap, crystals))
+    gap = smallest_distance(x, length)[0] - 2.0
+    if gap < minimum_gap:  # found apart from the kernels, by another search
+        raise NumericalError(f"random packing: the smallest gap is {gap:.17g} radii, below {minimum_gap:g}")
     contact = contact_value(x, length, diameter=diameter)
     return Packing(
         positions=x,
         length=length,
         volume_fraction=volume_fraction,
         effective_volume_fraction=effective,
-        minimum_gap=smallest_distance(x, length)[0] - 2.0,
+        minimum_gap=gap,
         contact_value=contact.value,
         contact_error=contact.error,
         equilibrium_contact_value=carnahan_starling(effective),

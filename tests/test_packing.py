@@ -53,6 +53,16 @@ def test_no_two_spheres_are_closer_than_the_gap(number, fraction, gap):
     assert packing.minimum_gap == pytest.approx(smallest - 2.0, abs=1e-12)
 
 
+@pytest.mark.parametrize(("number", "length"), [(12, 4.6), (12, 5.2), (150, 10.5)])
+def test_separation_leaves_no_overlap_at_all(number, length):
+    """The relaxation at 2.002 ends only when every distance is >= 2, strictly, from any random points."""
+    x = np.random.default_rng(6).random((number, 3)) * length
+    assert packing_kernels.separate(x, length, 2.0, 2.002, 20_000) > 0
+    assert naive_smallest_distance(x, length) >= 2.0
+    assert x.min() >= 0.0
+    assert x.max() < length
+
+
 @pytest.mark.parametrize("fraction", [0.1, 0.3, 0.45])
 def test_fluid_has_the_contact_value_of_carnahan_and_starling(fraction):
     """Equilibrium: g(contact) = (1 - phi/2)/(1 - phi)^3, right to 0.5 %; four standard errors of the mean of
@@ -160,7 +170,7 @@ def test_spheres_come_in_spatial_order():
     d = np.diff(packing.positions, axis=0)
     d -= packing.length * np.rint(d / packing.length)
     assert np.linalg.norm(d, axis=1).mean() < 0.25 * packing.length
-    assert sorted(spatial_order(packing.positions, packing.length)) == list(range(500))
+    assert np.array_equal(spatial_order(packing.positions, packing.length), np.arange(500))
 
 
 @pytest.mark.parametrize(
