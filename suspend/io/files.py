@@ -1,0 +1,202 @@
+"""Atomic replacement of files, the lock of a run directory, and operating-system errors in plain words."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from suspend.errors import StorageError
+
+TEMPORARY = ".tmp"  # one writer per directory (the lock), so one fixed temporary name per file is enough
+_REASONS = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file would exceed the file size limit of this process or file system",
+    errno.EROFS: "the file system is read-only",
+    errno.EACCES: "permission denied",
+    errno.EPERM: "the operation is not permitted",
+    errno.ENOENT: "the file or its folder does not exist (any more)",
+    errno.EEXIST: "a file of that name is in the way",
+    errno.ENOTDIR: "a part of the path is a file, not a folder",
+    errno.EISDIR: "it is a folder, not a file",
+    errno.EIO: "the device reports an input/output error",
+    errno.ESTALE: "the network file system lost the file",
+}
+_REMEDIES = {
+    errno.ENOSPC: "free some space",
+    errno.EDQUOT: "free some space or raise the quota",
+    errno.EFBIG: "raise the limit (ulimit -f)",
+}
+
+
+@contextmanager
+def storage_errors(action: str, path: os.PathLike | str, advice: str = "") -> Iterator[None]:
+    """Turn operating-system and HDF5 errors inside the block into StorageError: "cannot ACTION PATH: reason".
+
+    h5py reports failed writes as OSError or RuntimeError, often with the errno in its text only.
+    """
+    try:
+        yield
+    except (OSError, RuntimeError) as error:
+        code = _errno_of(error)
+        reason = _REASONS.get(code) or str(error).strip().splitlines()[0]
+        remedy = advice or _REMEDIES.get(code, "")
+        raise StorageError(f"cannot {action} {path}: {reason}" + (f"; {remedy}" if remedy else "")) from error
+
+
+def _errno_of(error: BaseException) -> int | None:
+    code = getattr(error, "errno", None)
+    if code is None:
+        found = re.search(r"errno = (\d+)", str(error))
+        code = int(found.group(1)) if found else None
+    return code
+
+
+def temporary_name(path: Path) -> Path:
+    """Name of the temporary file that will replace `path` (same folder, so that the rename is atomic)."""
+    return path.with_name(path.name + TEMPORARY)
+
+
+def replace_atomically(path: Path, fill: Callable[[Path], None], *, sync: bool) -> None:
+    """Let `fill` write a temporary file, then rename it to `path`; on any error the temporary is removed.
+
+    A kill at any instant leaves the old file or the new one. With `sync` the same holds for a power cut.
+    Raises what `fill` raises, and OSError.
+    """
+    temporary = temporary_name(path)
+    try:
+        fill(temporary)
+        if sync:
+            sync_path(temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+    if sync:
+        sync_path(path.parent)
+
+
+def write_bytes(path: Path, chunks: Iterator[bytes | memoryview] | list) -> None:
+    """Write the chunks to a new file at `path`. Raises OSError."""
+    with open(path, "wb", buffering=0) as handle:
+        for chunk in chunks:
+            write_all(handle, chunk)
+
+
+def write_all(handle: BinaryIO, data: bytes | memoryview) -> None:
+    """Write all of `data` to an unbuffered file: normally one system call. Raises OSError."""
+    view = memoryview(data).cast("B")
+    while view.nbytes:
+        view = view[handle.write(view) :]
+
+
+def append_or_restore(path: Path, data: bytes | memoryview) -> None:
+    """Append `data` to `path` (created when absent); on an error cut the file back to its former length."""
+    with open(path, "ab", buffering=0) as handle:
+        length = os.fstat(handle.fileno()).st_size
+        try:
+            write_all(handle, data)
+        except BaseException:
+            with suppress(OSError):
+                os.ftruncate(handle.fileno(), length)
+            raise
+
+
+def sync_path(path: Path) -> None:
+    """Force a file or folder to the device (fsync). Raises OSError."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def remove_temporaries(directory: Path) -> None:
+    """Remove temporary files that a killed run left behind. Call with the lock held. Raises OSError."""
+    for stale in directory.glob("*" + TEMPORARY):
+        stale.unlink(missing_ok=True)
+
+
+class DirectoryLock:
+    """Exclusive use of a run directory, by flock on `run.lock`; the kernel releases it when the process dies.
+
+    The file stays behind (removing a lock file is a race); its content names the last holder.
+    Raises StorageError when another process holds it. `note` tells when the file system has no locks.
+    """
+
+    NAME = "run.lock"
+
+    def __init__(self, directory: Path, patience: float = 0.5):
+        self.note = ""
+        path = directory / self.NAME
+        with storage_errors("lock", path):
+            self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            self._acquire(path, patience)
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def _acquire(self, path: Path, patience: float) -> None:
+        deadline = time.monotonic() + patience  # `holder` below takes the lock for an instant
+        while True:
+            try:
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError as error:
+                if time.monotonic() > deadline:
+                    raise StorageError(
+                        f"{path.parent} is in use by another run ({_holder_text(path)}): wait for it, "
+                        "stop it, or choose another output directory"
+                    ) from error
+                time.sleep(0.02)
+            except OSError as error:
+                if error.errno not in (errno.ENOSYS, errno.ENOTSUP, errno.ENOLCK):
+                    raise StorageError(f"cannot lock {path}: {error.strerror}") from error
+                self.note = (
+                    f"{path.parent}: this file system has no locks; make sure no other run writes there"
+                )
+                break
+        with storage_errors("write", path):
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, f"pid {os.getpid()} on {socket.gethostname()}\n".encode(), 0)
+
+    def release(self) -> None:
+        """Give the directory free; harmless when done twice."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def holder(directory: Path) -> str | None:
+    """Who is writing in `directory` ("pid 17 on host"), or None."""
+    path = directory / DirectoryLock.NAME
+    try:
+        descriptor = os.open(path, os.O_RDONLY)
+    except OSError:
+        return None
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return _holder_text(path)
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
+    return None
+
+
+def _holder_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8").strip() or "holder unknown"
+    except (OSError, UnicodeDecodeError):
+        return "holder unknown"
