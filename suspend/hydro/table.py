@@ -2,15 +2,16 @@
 
     f(xi) = g1/xi + g2 ln(1/xi) + smooth(t),   t = ln xi,   xi = r/a - 2
 
-in units 6 pi eta a^n (n = 1, 2, 3), the smooth part a quintic spline with uniform knots in t. Function order: XA11 XA12
-YA11 YA12 YB11 YB12 XC11 XC12 YC11 YC12 XG11 XG12 YG11 YG12 YH11 YH12 XM11 XM12 YM11 YM12 ZM11 ZM12, then two zeros.
-`python -m suspend.hydro.two_sphere` makes the file and says what the functions are.
+in units 6 pi eta a^n (n = 1, 2, 3), the smooth part a quintic spline with uniform knots in t. Function order:
+XA11 XA12 YA11 YA12 YB11 YB12 XC11 XC12 YC11 YC12 XG11 XG12 YG11 YG12 YH11 YH12 XM11 XM12 YM11 YM12 ZM11 ZM12,
+then two zeros. `suspend.hydro.two_sphere` makes the file and says what the functions are.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import zipfile
 from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
@@ -39,14 +40,14 @@ def read_table(path: Path) -> ResistanceTable:
     try:
         with np.load(path) as file:
             data = {name: file[name] for name in ("version", "t0", "dt", "coefficients", "g1", "g2")}
-    except (OSError, ValueError, KeyError, EOFError) as error:
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise StorageError(
             f"cannot read the two-sphere table {path}: {error}; "
             f"make it again with `python -m suspend.hydro.two_sphere --output {path}`"
         ) from error
     if int(data["version"]) != VERSION:
         raise StorageError(
-            f"two-sphere table {path} has version {int(data['version'])}, this program reads version {VERSION}; "
+            f"two-sphere table {path} has version {int(data['version'])}, this program reads {VERSION}; "
             f"make it again with `python -m suspend.hydro.two_sphere --output {path}`"
         )
     arrays = [np.ascontiguousarray(data[name], dtype=np.float64) for name in ("coefficients", "g1", "g2")]
@@ -71,7 +72,7 @@ def largest_gap(table: ResistanceTable) -> float:
 def evaluate(table, xi, out):
     """Near-field functions at gap xi (radii) into out[0:24]; NaN outside 0 < xi <= `largest_gap`.
 
-    Below the first knot (1e-10) the smooth part keeps its value, which has reached its limit at contact there.
+    Below the first knot (1e-10) the smooth part keeps its value: it has reached its limit at contact there.
     """
     intervals, powers, width = table.coefficients.shape
     t = math.log(xi) if xi > 0.0 else math.nan

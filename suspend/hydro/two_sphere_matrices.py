@@ -1,7 +1,7 @@
-"""Two-sphere matrices: resistance from scalar functions, free-space FTS mobility, and back to scalar functions.
+"""Two-sphere matrices: resistance from scalar functions, free-space FTS mobility, and scalar functions back.
 
 Rows [F1 T1 F2 T2 S1 S2], columns [U1 W1 U2 W2 -E -E] (relative to the undisturbed flow), loads exerted by the
-spheres on the fluid, units 6 pi eta a^n (a = 1), so that a lone sphere has diagonal 1, 4/3, 10/9. Stresslets are
+spheres on the fluid, units 6 pi eta a^n (a = 1): a lone sphere has diagonal 1, 4/3, 10/9. Stresslets are
 five-vectors in the orthonormal basis `FIVE`. Plain NumPy: for the generator and as the reference in tests.
 """
 
@@ -28,7 +28,8 @@ LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 LEVI_CIVITA[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 
 # From the hatted normalisation to units 6 pi eta a^n.
-UNIT_FACTORS = np.array([{"A": 1, "B": 2 / 3, "C": 4 / 3, "G": 2 / 3, "H": 4 / 3, "M": 10 / 9}[f[1]] for f in FUNCTIONS])
+_FACTOR = {"A": 1.0, "B": 2 / 3, "C": 4 / 3, "G": 2 / 3, "H": 4 / 3, "M": 10 / 9}
+UNIT_FACTORS = np.array([_FACTOR[name[1]] for name in FUNCTIONS])
 FORCE = (slice(0, 3), slice(6, 9))
 TORQUE = (slice(3, 6), slice(9, 12))
 STRESSLET = (slice(12, 17), slice(17, 22))
@@ -61,8 +62,8 @@ def tensor_forms(f: dict[str, float], e: np.ndarray) -> tuple[np.ndarray, ...]:
 def pair_resistance_matrix(functions: np.ndarray, d: np.ndarray) -> np.ndarray:
     """Resistance (22, 22) of a pair from the functions (>= 22, units 6 pi eta a^n) and d = x2 - x1 (3,).
 
-    Only the direction of d counts. Block (i, j) uses the functions 11 for i = j and 12 otherwise, and e = d/|d| for
-    rows of sphere 1, -d/|d| for rows of sphere 2.
+    Only the direction of d counts. Block (i, j) uses the functions 11 for i = j and 12 otherwise; e = d/|d|
+    for rows of sphere 1, -d/|d| for rows of sphere 2.
     """
     e = np.asarray(d, dtype=float) / np.linalg.norm(d)
     value = dict(zip(FUNCTIONS, functions, strict=False))
@@ -87,7 +88,8 @@ def pair_resistance_matrix(functions: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def _unit_matrices() -> np.ndarray:
-    return np.array([pair_resistance_matrix(unit, np.array([0.0, 0.0, 1.0])) for unit in np.eye(len(FUNCTIONS))])
+    axis = np.array([0.0, 0.0, 1.0])
+    return np.array([pair_resistance_matrix(unit, axis) for unit in np.eye(len(FUNCTIONS))])
 
 
 def scalar_functions(matrix: np.ndarray) -> np.ndarray:
@@ -96,7 +98,9 @@ def scalar_functions(matrix: np.ndarray) -> np.ndarray:
     return np.einsum("fij,ij->f", unit, matrix) / np.einsum("fij,fij->f", unit, unit)
 
 
-def velocity_and_gradient(r: np.ndarray, force: np.ndarray, dipole: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def velocity_and_gradient(
+    r: np.ndarray, force: np.ndarray, dipole: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Velocity (3,) and gradient d_p u_q (3,3) of a sphere at r from a force and dipole C on a sphere at 0.
 
     Finite-size Oseen kernels with Faxen's law at both ends, C_ij = S_ij - eps_ijk T_k/2; units 6 pi eta a^n.
@@ -112,13 +116,14 @@ def velocity_and_gradient(r: np.ndarray, force: np.ndarray, dipole: np.ndarray) 
     u = f1 * force + (f2 - f1) * x * xf + g1 * (cx - xcx * x) + g2 * (ctx - 4 * xcx * x)
     gradient = -g1 * (np.outer(x, force) - xf * xx) - g2 * (one * xf + np.outer(force, x) - 4 * xf * xx)
     gradient += h1 * (dipole - 4 * dipole.T) + h2 * (np.outer(x, cx) - xcx * xx)
-    gradient += h3 * (one * xcx + np.outer(cx, x) + np.outer(x, ctx) + np.outer(ctx, x) - 6 * xcx * xx - dipole.T)
+    gradient += h3 * (one * xcx + np.outer(cx + ctx, x) + np.outer(x, ctx) - 6 * xcx * xx - dipole.T)
     return u, gradient
 
 
 def pair_mobility_matrix(d: np.ndarray) -> np.ndarray:
-    """Free-space mobility (22, 22) of a pair at the force-torque-stresslet level, d = x2 - x1 (radii), |d| >= 2.
+    """Free-space mobility (22, 22) of a pair at the force-torque-stresslet level, d = x2 - x1 (radii).
 
+    For spheres that do not overlap, |d| >= 2. Rows [U1 W1 U2 W2 -E1 -E2], columns [F1 T1 F2 T2 S1 S2]:
     [U; W; -E] = M [F; T; S]; Durlofsky, Brady & Bossis, J. Fluid Mech. 180, 21 (1987).
     """
     matrix = np.zeros((22, 22))

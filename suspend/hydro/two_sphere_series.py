@@ -1,14 +1,14 @@
 """Exact resistance functions of two equal rigid no-slip spheres: twin multipoles, and their limit at contact.
 
 Each sphere carries the Lamb multipoles P_n (pressure), V_n (potential) and Q_n (vorticity) of azimuthal order
-m = 0, 1, 2; the field of the other sphere is re-expanded about its centre. Jeffrey & Onishi, J. Fluid Mech. 139,
-261 (1984) and Jeffrey, Phys. Fluids A 4, 16 (1992) solve the resulting recurrences as power series in a/r. Here the
-truncated linear system itself is solved at each distance: it converges like exp(-2 n alpha), cosh(alpha) = r/2a,
-without any fitted or subtracted term. By mirror symmetry the equal-sphere system falls apart into one for each parity.
+m = 0, 1, 2; the field of the other sphere is re-expanded about its centre. Jeffrey & Onishi (J. Fluid Mech.
+139, 261, 1984) and Jeffrey (Phys. Fluids A 4, 16, 1992) solve the recurrences as power series in a/r. Here
+the truncated linear system itself is solved at each distance. It converges like exp(-2 n alpha) with
+cosh(alpha) = r/2a, without any fitted or subtracted term. For equal spheres mirror symmetry splits it.
 
-Functions are in the order of `FUNCTIONS` and in the hatted normalisation of Jeffrey & Onishi (units 6 pi eta a for A,
-4 pi eta a^2 for B and G, 8 pi eta a^3 for C and H, (20/3) pi eta a^3 for M), loads exerted by the spheres on the
-fluid, e from the sphere of the row to the other. Lengths are in radii; gap = r - 2.
+Functions are in the order of `FUNCTIONS` and in the hatted normalisation of Jeffrey & Onishi: 6 pi eta a
+for A, 4 pi eta a^2 for B and G, 8 pi eta a^3 for C and H, (20/3) pi eta a^3 for M; loads are exerted by the
+spheres on the fluid, e points from the sphere of the row to the other. Lengths are in radii; gap = r - 2.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ FUNCTIONS = (
 )  # fmt: skip
 DIGITS = 20.0  # truncation: the last multipole is about exp(-2 DIGITS) of the first
 
-# Rows "11: g1, g2, g3" and "12: g1, g2, g3" of f = g1/gap + g2 ln(1/gap) + C + g3 gap ln(1/gap) + ...: Jeffrey & Onishi
-# (1984) and Jeffrey (1992) at equal radii; the g3 of YM12 with 748, not 728, in its polynomial (the fit confirms it).
+# (g1, g2, g3) for 11 and for 12 in f = g1/gap + g2 ln(1/gap) + C + g3 gap ln(1/gap) + ...: Jeffrey & Onishi
+# (1984) and Jeffrey (1992) at equal radii. g3 of YM12 is .1272 (some codes have .1332): a test fits all g3.
 CONTACT = {
     "XA": ((1 / 4, 9 / 40, 3 / 112), (-1 / 4, -9 / 40, -3 / 112)),
     "YA": ((0.0, 1 / 6, 0.0), (0.0, -1 / 6, 0.0)),
@@ -62,15 +62,15 @@ def scaled_binomials(s: float, terms: int, dtype=np.float64) -> np.ndarray:
         here = row[: terms - offset]
         table[here, here + offset] = diagonal
         table[here + offset, here] = diagonal
-        diagonal = (diagonal * (2 * n[: terms - offset] + offset + 1) / (n[: terms - offset] + offset + 1))[:-1]
-        diagonal /= dtype(s)
+        m = n[: terms - offset - 1]
+        diagonal = diagonal[:-1] * (2 * m + offset + 1) / (m + offset + 1) / dtype(s)
     return table
 
 
 def couplings(s: float, m: int, terms: int, dtype=np.float64) -> dict[str, np.ndarray]:
     """Matrices by which the multipoles of one sphere excite those of the other, order m.
 
-    With sign = (-1)^(m+1) x parity (+1: the loads of the two spheres mirror each other so that 11 and 12 add up):
+    With sign = (-1)^(m+1) x parity (parity +1: the sum of the responses of both spheres, -1: the difference)
         P = source + sign (PP P + PV V + PQ Q),  V = P + sign VP P,  Q = source + sign (QQ Q + QP P).
     The last letter is the exciting kind; rows n, columns k. Jeffrey & Onishi (1984), section 4, for any m.
     """
@@ -92,7 +92,9 @@ def couplings(s: float, m: int, terms: int, dtype=np.float64) -> dict[str, np.nd
     }
 
 
-def axisymmetric_residual(c: dict[str, np.ndarray], parity: int, source: np.ndarray, p: np.ndarray) -> np.ndarray:
+def axisymmetric_residual(
+    c: dict[str, np.ndarray], parity: int, source: np.ndarray, p: np.ndarray
+) -> np.ndarray:
     """Residual of the P equations at m = 0 in the precision of the couplings `c`."""
     p = p.astype(c["PP"].dtype)
     v = p - parity * (c["VP"] @ p)
@@ -100,9 +102,9 @@ def axisymmetric_residual(c: dict[str, np.ndarray], parity: int, source: np.ndar
 
 
 def solve_axisymmetric(s: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
-    """Responses (P_1, P_2) x (source P_1, P_2) at m = 0: the parts for one sphere (11) and for the other (12), 2x2.
+    """Responses (P_1, P_2) x (source P_1, P_2) at m = 0: parts of the same sphere (11) and the other (12).
 
-    Squeezing makes the system ill conditioned (like gap^-2), so one refinement in extended precision follows.
+    Squeezing makes the system ill conditioned at small gaps, so two refinements in extended precision follow.
     """
     c = couplings(s, 0, terms)
     exact = couplings(s, 0, terms, np.longdouble)
@@ -139,7 +141,7 @@ def solve_azimuthal(s: float, m: int, terms: int) -> tuple[np.ndarray, np.ndarra
 
 
 def twisting(gap: float) -> tuple[float, float]:
-    """XC11 and XC12: sums over image rotlets, sinh^3(alpha)/sinh^3(k alpha), k odd and even (Jeffery 1915)."""
+    """XC11 and XC12: sums over image rotlets, sinh^3(alpha)/sinh^3(k alpha), k odd, even (Jeffery 1915)."""
     alpha = math.acosh(1.0 + gap / 2.0)
     k = np.arange(1, math.ceil(DIGITS / alpha) + 20)
     terms = (math.sinh(alpha) / np.sinh(np.minimum(k * alpha, 300.0))) ** 3
@@ -152,7 +154,9 @@ def resistance_functions(gap: float, terms: int | None = None) -> np.ndarray:
     Raises NumericalError below 1e-4, where the dense system grows beyond reason: there `NearContact` holds.
     """
     if not gap >= 1e-4:
-        raise NumericalError(f"two-sphere multipoles: gap {gap!r} radii is below 1e-4; use the near-contact expansion")
+        raise NumericalError(
+            f"two-sphere multipoles: gap {gap!r} radii is below 1e-4; use the expansion at contact there"
+        )
     s = 2.0 + gap
     terms = number_of_terms(gap) if terms is None else terms
     f = dict(zip(("XC11", "XC12"), twisting(gap), strict=True))
