@@ -1,0 +1,143 @@
+"""What keys must satisfy together. Each check sees the values that are right by themselves.
+
+The frequency is resolved to omega here, too.
+"""
+
+from __future__ import annotations
+
+import difflib
+import itertools
+import math
+import os
+from collections.abc import Callable
+from typing import Any
+
+from suspend.config.schema import DENSEST_RANDOM
+from suspend.config.tree import Problems
+
+HARMONICS = 9  # analysed of the stress; a Fourier sum of n samples resolves harmonics below n/2
+DENSEST_WITH_GAP = 0.62  # of a random packing, its minimum gap counted as part of the spheres
+
+Values = dict[str, Any]
+Complain = Callable[[str, str], None]
+
+
+def check_consistency(values: Values, places: dict[str, str], problems: Problems) -> None:
+    """Check all combinations, add what is wrong to `problems`, and resolve flow.frequency to flow.omega.
+
+    values : nested values; a key with an error is absent. places : where each dotted key was written.
+    """
+
+    def complain(key: str, message: str) -> None:
+        problems.add(places.get(key, places[""]), key, message)
+
+    for check in (_packing, _initial, _frequency, _duration, _lubrication, _contact, _integrator, _output):
+        check(values, complain)
+
+
+def _all(section: Values | None, *names: str) -> list | None:
+    """Values of these keys, None if any is absent or null."""
+    found = [(section or {}).get(name) for name in names]
+    return None if None in found else found
+
+
+def _packing(values: Values, complain: Complain) -> None:
+    found = _all(values["particles"], "volume_fraction", "initial")
+    if not found or found[1] != "random":
+        return
+    phi, gap = found[0], values["particles"].get("minimum_gap")
+    if phi > DENSEST_RANDOM:
+        complain(
+            "particles.volume_fraction",
+            f"found {phi:g}; random configurations are made up to {DENSEST_RANDOM:g}: lower it, or read the"
+            " configuration from a file with particles.initial",
+        )
+    elif gap is not None and phi * (1.0 + 0.5 * gap) ** 3 > DENSEST_WITH_GAP:
+        largest = 2.0 * ((DENSEST_WITH_GAP / phi) ** (1.0 / 3.0) - 1.0)
+        complain(
+            "particles.minimum_gap",
+            f"found {gap:g}; must be <= {largest:.3g} for a random packing of volume fraction {phi:g}",
+        )
+
+
+def _initial(values: Values, complain: Complain) -> None:
+    initial = values["particles"].get("initial")
+    if initial is None or initial == "random" or os.sep in initial or "." in initial:
+        return
+    # A word without suffix is a folder or a misspelt `random`.
+    if difflib.get_close_matches(initial.lower(), ["random"], 1, 0.7):
+        complain("particles.initial", f"found {initial!r}; did you mean random? (A folder: ./{initial})")
+
+
+def _frequency(values: Values, complain: Complain) -> None:
+    flow = values["flow"]
+    frequency = flow.get("frequency")
+    if frequency is not None:
+        flow.update(omega=2.0 * math.pi * frequency, frequency=None)
+    found = _all(flow, "amplitude", "omega")
+    if found and not 1e-30 <= found[0] * found[1] <= 1e30:
+        product = found[0] * found[1]
+        complain("flow.amplitude", f"amplitude x omega is {product:g}; must be 1e-30 to 1e30")
+
+
+def _duration(values: Values, complain: Complain) -> None:
+    flow, duration = values["flow"], values["duration"]
+    kind, cycles, strain = flow.get("type"), duration.get("cycles"), duration.get("strain")
+    if kind is not None and kind != "oscillatory" and cycles is not None:
+        complain("duration.cycles", f"flow.type is {kind}: give duration.strain instead")
+    found = _all(flow, "reversal_strain")
+    if found and strain is not None and found[0] >= strain:
+        complain(
+            "flow.reversal_strain",
+            f"found {found[0]:g}; must be below duration.strain, {strain:g}, the end of the run",
+        )
+
+
+def _lubrication(values: Values, complain: Complain) -> None:
+    found = _all(values["lubrication"], "cutoff", "minimum_gap")
+    if found and found[1] >= found[0] - 2.0:
+        complain(
+            "lubrication.minimum_gap",
+            f"found {found[1]:g}; must be below lubrication.cutoff - 2 = {found[0] - 2.0:g}",
+        )
+
+
+def _contact(values: Values, complain: Complain) -> None:
+    gap_shift = _all(values["contact"], "gap_shift")
+    found = _all(values["lubrication"], "enabled", "minimum_gap")
+    if gap_shift and found and gap_shift[0] == 0.0 and found[0] and found[1] == 0.0:
+        complain(
+            "contact",
+            "can never act: spheres touch only at gap 0, where lubrication is infinite. Freeze lubrication"
+            " below a gap (lubrication.minimum_gap: 1e-3), let contact begin before (contact.gap_shift: 1e-3),"
+            " or leave the contact section out",
+        )
+
+
+def _integrator(values: Values, complain: Complain) -> None:
+    integrator = values["integrator"]
+    if integrator.get("method") in ("rk2", "rk4") and "step" in integrator and integrator["step"] is None:
+        complain(
+            "integrator.step",
+            f"is missing: {integrator['method']} has no error estimate; give a fixed step, or take method"
+            " bogacki-shampine or tsitouras",
+        )
+    limits = _all(integrator, "min_step", "max_step")
+    if limits and limits[0] >= limits[1]:
+        message = f"found {limits[0]:g}; must be below integrator.max_step, {limits[1]:g}"
+        complain("integrator.min_step", message)
+
+
+def _output(values: Values, complain: Complain) -> None:
+    samples, kind = values["output"].get("samples_per_cycle"), values["flow"].get("type")
+    if kind == "oscillatory" and samples is not None and samples <= 2 * HARMONICS:
+        complain(
+            "output.samples_per_cycle",
+            f"found {samples}; must be > {2 * HARMONICS}: harmonics 1 to {HARMONICS} are analysed",
+        )
+    phases = values["output"].get("position_phases")
+    if phases and (phases[0] != 0.0 or any(a >= b for a, b in itertools.pairwise(phases))):
+        complain(
+            "output.position_phases",
+            f"found {list(phases)}; must begin with 0.0, the cycle's start, and increase",
+        )
