@@ -12,7 +12,7 @@ import pytest
 
 from suspend.errors import NumericalError, StorageError
 from suspend.hydro.table import load_table, values
-from suspend.hydro.two_sphere import exact_functions, near_field_functions, smooth_part, write_table
+from suspend.hydro.two_sphere import exact_functions, main, near_field_functions, smooth_part, write_table
 from suspend.hydro.two_sphere_matrices import (
     FIVE,
     FORCE,
@@ -334,5 +334,10 @@ def test_generator_program(tmp_path):
 
 def test_unwritable_output(tmp_path, monkeypatch):
     monkeypatch.setattr("suspend.hydro.two_sphere.build_table", lambda: {"t0": np.zeros(1)})
+    path = tmp_path / "missing" / "table.npz"
     with pytest.raises(StorageError, match="missing"):
-        write_table(tmp_path / "missing" / "table.npz")
+        write_table(path)
+    monkeypatch.setattr("sys.argv", ["two_sphere", "--output", str(path)])
+    with pytest.raises(SystemExit) as stop:
+        main()
+    assert stop.value.code == StorageError.exit_code

@@ -25,7 +25,7 @@ from scipy.interpolate import make_interp_spline
 from suspend.errors import StorageError
 from suspend.hydro.two_sphere_matrices import UNIT_FACTORS, far_field_functions
 from suspend.hydro.two_sphere_series import (
-    DIGITS,
+    TRUNCATION,
     FUNCTIONS,
     NearContact,
     contact_coefficients,
@@ -88,7 +88,7 @@ def build_table() -> dict[str, np.ndarray]:
         "g1": g[0],
         "g2": g[1],
         "functions": np.array(FUNCTIONS),
-        "digits": np.float64(DIGITS),  # truncation of the multipoles: exp(-2 digits)
+        "truncation": np.float64(TRUNCATION),  # of the multipoles: exp(-2 truncation)
     }
 
 
@@ -113,7 +113,10 @@ def main() -> None:
         prog="python -m suspend.hydro.two_sphere", description="Generate the near-field resistance table."
     )
     parser.add_argument("--output", type=Path, required=True, help="file to write (.npz)")
-    write_table(parser.parse_args().output)
+    try:
+        write_table(parser.parse_args().output)
+    except StorageError as error:
+        parser.exit(error.exit_code, f"error: {error}\n")
 
 
 if __name__ == "__main__":

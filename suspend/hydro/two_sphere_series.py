@@ -23,7 +23,7 @@ FUNCTIONS = (
     "XA11", "XA12", "YA11", "YA12", "YB11", "YB12", "XC11", "XC12", "YC11", "YC12",
     "XG11", "XG12", "YG11", "YG12", "YH11", "YH12", "XM11", "XM12", "YM11", "YM12", "ZM11", "ZM12",
 )  # fmt: skip
-DIGITS = 20.0  # truncation: the last multipole is about exp(-2 DIGITS) of the first
+TRUNCATION = 20.0  # truncation: the last multipole is about exp(-2 TRUNCATION) of the first
 
 # (g1, g2, g3) for 11 and for 12 in f = g1/gap + g2 ln(1/gap) + C + g3 gap ln(1/gap) + ...: Jeffrey & Onishi
 # (1984) and Jeffrey (1992) at equal radii. g3 of YM12 is .1272 (some codes have .1332): a test fits all g3.
@@ -49,7 +49,7 @@ def contact_coefficients() -> np.ndarray:
 
 def number_of_terms(gap: float) -> int:
     """Multipoles for double precision at a gap (radii)."""
-    return math.ceil(DIGITS / math.acosh(1.0 + gap / 2.0)) + 20
+    return math.ceil(TRUNCATION / math.acosh(1.0 + gap / 2.0)) + 20
 
 
 def scaled_binomials(s: float, terms: int, dtype=np.float64) -> np.ndarray:
@@ -143,7 +143,7 @@ def solve_azimuthal(s: float, m: int, terms: int) -> tuple[np.ndarray, np.ndarra
 def twisting(gap: float) -> tuple[float, float]:
     """XC11 and XC12: sums over image rotlets, sinh^3(alpha)/sinh^3(k alpha), k odd, even (Jeffery 1915)."""
     alpha = math.acosh(1.0 + gap / 2.0)
-    k = np.arange(1, math.ceil(DIGITS / alpha) + 20)
+    k = np.arange(1, math.ceil(TRUNCATION / alpha) + 20)
     terms = (math.sinh(alpha) / np.sinh(np.minimum(k * alpha, 300.0))) ** 3
     return float(terms[0::2].sum()), float(-terms[1::2].sum())
 
