@@ -119,32 +119,58 @@ def read_xyz(path: Path, frame: int) -> RawFrame:
     )
 
 
+def read_run(path: Path, frame: int) -> RawFrame:
+    """Folder of a run of ours or its trajectory.h5; from a folder also cycles that are not in that file yet.
+
+    The radius is particles.radius of the run's own configuration.
+    """
+    from suspend.io import Run
+
+    with Run(path) as run, _reading(path, "run"):
+        stored = run.frame(_frame_index(frame, run.n_frames, path))
+        length, shift = float(run.meta["L"]), float(stored["tilt"]) * float(run.meta["L"])
+        radius = float(run.config["particles"].get("radius", 1.0))
+    vectors = np.array([[length, 0.0, 0.0], [shift, length, 0.0], [0.0, 0.0, length]])
+    return RawFrame(np.asarray(stored["position"], dtype=float), vectors, np.zeros(3), np.array(radius))
+
+
 def read_h5md(path: Path, frame: int) -> RawFrame:
-    """H5MD file, a run of ours or another: position and box/edges of /particles/spheres or its only group.
+    """H5MD file: position and box/edges of /particles/spheres or its only group; ours go to `read_run`.
 
     Positions (frames,N,3) are taken in the stored cell of the same frame: edges (frames,3,3) with the cell
     vectors as rows, (frames,3) for a cuboid, or the same without frames for a fixed cell.
     """
     import h5py
 
-    with _reading(path, "HDF5 file"), h5py.File(path, "r") as file:
-        groups = list(file["particles"]) if "particles" in file else []
-        name = "spheres" if "spheres" in groups else groups[0] if len(groups) == 1 else None
-        if name is None:
-            raise unusable(path, f"no group /particles/spheres (in /particles: {', '.join(groups) or '-'})")
-        group = file["particles"][name]
-        for needed in ("position/value", "box/edges"):
-            if needed not in group:
-                raise unusable(path, f"no /particles/{name}/{needed}")
-        position, edges = group["position/value"], group["box/edges"]
-        index = _frame_index(frame, len(position), path)
-        edges = edges["value"][index] if "value" in edges else edges[()]
-        positions = np.asarray(position[index], dtype=float)
+    # Locks are for writers in place; a run replaces its file as a whole.
+    with _reading(path, "HDF5 file"), h5py.File(path, "r", locking=False) as file:
+        ours = "h5md/creator" in file and file["h5md/creator"].attrs.get("name") == "suspend"
+        if not ours:
+            positions, edges = _h5md_frame(file, path, frame)
+    if ours:
+        return read_run(path, frame)
     edges = np.asarray(edges, dtype=float)
     vectors = np.diag(edges) if edges.shape == (3,) else edges
     if vectors.shape != (3, 3):
         raise unusable(path, f"box edges have shape {edges.shape}, must be (3,) or (3, 3)")
     return RawFrame(positions, vectors, np.zeros(3), None)
+
+
+def _h5md_frame(file, path: Path, frame: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (N,3) and edges (3,3) or (3,) of one frame of an open H5MD file."""
+    groups = list(file["particles"]) if "particles" in file else []
+    name = "spheres" if "spheres" in groups else groups[0] if len(groups) == 1 else None
+    if name is None:
+        raise unusable(path, f"no group /particles/spheres (in /particles: {', '.join(groups) or '-'})")
+    group = file["particles"][name]
+    for needed in ("position/value", "box/edges"):
+        if needed not in group:
+            raise unusable(path, f"no /particles/{name}/{needed}")
+    position, edges = group["position/value"], group["box/edges"]
+    index = _frame_index(frame, len(position), path)
+    edges = edges["value"][index] if "value" in edges else edges[()]
+    positions = np.asarray(position[index], dtype=float)
+    return positions, edges
 
 
 READERS: dict[str, Callable[[Path, int], RawFrame]] = {

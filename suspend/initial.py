@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from suspend.configuration_files import READERS, RawFrame, unreadable, unusable
+from suspend.configuration_files import READERS, RawFrame, read_run, unreadable, unusable
 from suspend.packing import Packing, random_packing
 from suspend.structure import smallest_distance, wrap
 
@@ -48,20 +48,19 @@ def load_configuration(path: str | Path, frame: int = -1) -> InitialConfiguratio
     path = Path(path)
     if not path.exists():
         raise unreadable(path, "no such file or folder")
-    suffix = ".h5" if path.is_dir() else path.suffix.lower()
-    if suffix not in READERS:
+    suffix = path.suffix.lower()
+    if not path.is_dir() and suffix not in READERS:
         raise unusable(
             path,
             f"unknown kind of file '{path.suffix}'; known are {', '.join(READERS)} and the folder of a run",
         )
-    source = path / "trajectory.h5" if path.is_dir() else path
-    if not source.is_file():
+    if path.is_dir() and not (path / "trajectory.h5").is_file():
         raise unreadable(path, "the folder holds no trajectory.h5, so it is no run")
-    raw = READERS[suffix](source, frame)
-    _check_positions(raw.positions, source)
-    length, tilt = _cubic_cell(raw.vectors, source)
+    raw = read_run(path, frame) if path.is_dir() else READERS[suffix](path, frame)
+    _check_positions(raw.positions, path)
+    length, tilt = _cubic_cell(raw.vectors, path)
     positions = wrap(raw.positions - raw.origin, length, tilt)
-    return InitialConfiguration(positions, length, tilt, _common_radius(raw, source), str(path))
+    return InitialConfiguration(positions, length, tilt, _common_radius(raw, path), str(path))
 
 
 def prepare_initial(config: Config, base_directory: str | Path = ".") -> InitialConfiguration:

@@ -12,8 +12,9 @@ import pytest
 
 from suspend.errors import ConfigurationError, StorageError
 from suspend.initial import load_configuration, prepare_initial
+from suspend.io import RunStore
 from suspend.packing import random_packing
-from suspend.structure import cell_vectors, pairs_within
+from suspend.structure import cell_vectors, pairs_within, wrap
 
 NUMBER, FRACTION, TILT = 12, 0.3, 0.25
 
@@ -118,9 +119,10 @@ def test_shift_is_the_tilt_times_the_edge(tmp_path):
 def test_frames_count_from_either_end(tmp_path):
     """Frame 0 has no tilt and positions moved by 0.01, frame 1 = -1 is the last; 2 is not there."""
     x, length = scene()
-    write_h5(tmp_path / "trajectory.h5", x, length, TILT)
-    assert load_configuration(tmp_path, 0).tilt == 0.0
-    first, last = load_configuration(tmp_path, 1), load_configuration(tmp_path, -1)
+    path = tmp_path / "other.h5"
+    write_h5(path, x, length, TILT)
+    assert load_configuration(path, 0).tilt == 0.0
+    first, last = load_configuration(path, 1), load_configuration(path, -1)
     assert np.array_equal(first.positions, last.positions)
     assert last.tilt == pytest.approx(TILT, abs=1e-15)
     texts = []
@@ -130,10 +132,50 @@ def test_frames_count_from_either_end(tmp_path):
     (tmp_path / "all.xyz").write_text("".join(texts))
     for frame in (0, 1, 2, -1, -2, -3):
         assert load_configuration(tmp_path / "all.xyz", frame).tilt == pytest.approx(0.1 * (frame % 3))
-    for path in (tmp_path, tmp_path / "all.xyz", tmp_path / "trajectory.h5"):
+    for source in (path, tmp_path / "all.xyz"):
         for frame in (3, -4):
             with pytest.raises(ConfigurationError, match=r"particles.frame is -?\d, but the file holds"):
-                load_configuration(path, frame)
+                load_configuration(source, frame)
+
+
+def run_record(index, x, tilt):
+    """The least a cycle's record may hold: one sample, one frame."""
+    zero = np.zeros(1)
+    return {
+        "index": index,
+        "complete": True,
+        **{name: zero + index for name in ("time", "strain", "rate", "frame_time", "frame_strain")},
+        "phase": zero,
+        "frame_phase": zero,
+        "tilt": np.array([tilt]),
+        "position": x[None],
+        "image": np.zeros((1, *x.shape), np.int32),
+        "unwrapped": x[None],
+        "statistics": {"evaluations": 1},
+    }
+
+
+def test_run_of_ours_gives_its_frames_and_radius(tmp_path):
+    """Two cycles of a run in its own unit of length (radius 3), the second perhaps only in the journal yet:
+    both frames are found from the folder, the positions bit for bit.
+    """
+    x, length = scene()
+    text = "particles: {number: 12, volume_fraction: 0.3, radius: 3.0}"
+    meta = {"number": NUMBER, "L": 3 * length}
+    with RunStore.create(tmp_path / "run", text, meta) as store:
+        store.append_cycle(run_record(0, 3 * (x * 0.999), 0.0))
+        store.append_cycle(run_record(1, 3 * x, TILT))
+        during = load_configuration(tmp_path / "run")
+        store.consolidate()
+    for loaded in (during, load_configuration(tmp_path / "run" / "trajectory.h5")):
+        assert (loaded.length, loaded.radius) == (3 * length, 3.0)
+        assert loaded.tilt == pytest.approx(TILT, abs=1e-15)
+        np.testing.assert_array_equal(loaded.positions, wrap(3 * x, 3 * length, TILT))
+    assert load_configuration(tmp_path / "run", 0).tilt == 0.0
+    start = prepare_initial(configuration("run", frame=0), tmp_path)
+    np.testing.assert_allclose(start.positions, 0.999 * x, atol=1e-13 * length)
+    with pytest.raises(ConfigurationError, match="the file holds 2 frame"):
+        load_configuration(tmp_path / "run", 2)
 
 
 @pytest.mark.parametrize("kind", WRITERS)
