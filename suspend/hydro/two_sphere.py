@@ -25,8 +25,8 @@ from scipy.interpolate import make_interp_spline
 from suspend.errors import StorageError
 from suspend.hydro.two_sphere_matrices import UNIT_FACTORS, far_field_functions
 from suspend.hydro.two_sphere_series import (
-    TRUNCATION,
     FUNCTIONS,
+    TRUNCATION,
     NearContact,
     contact_coefficients,
     resistance_functions,

@@ -23,7 +23,7 @@ FUNCTIONS = (
     "XA11", "XA12", "YA11", "YA12", "YB11", "YB12", "XC11", "XC12", "YC11", "YC12",
     "XG11", "XG12", "YG11", "YG12", "YH11", "YH12", "XM11", "XM12", "YM11", "YM12", "ZM11", "ZM12",
 )  # fmt: skip
-TRUNCATION = 20.0  # truncation: the last multipole is about exp(-2 TRUNCATION) of the first
+TRUNCATION = 20.0  # the last multipole is about exp(-2 TRUNCATION) of the first
 
 # (g1, g2, g3) for 11 and for 12 in f = g1/gap + g2 ln(1/gap) + C + g3 gap ln(1/gap) + ...: Jeffrey & Onishi
 # (1984) and Jeffrey (1992) at equal radii. g3 of YM12 is .1272 (some codes have .1332): a test fits all g3.
