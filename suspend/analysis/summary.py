@@ -1,0 +1,250 @@
+"""`analyze`: moduli of every cycle of a stored run, averages over the last ones, as table, CSV or JSON."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from suspend.analysis.dynamics import cyclic_diffusivities
+from suspend.analysis.rheology import PARTS, block_row, cycle_row, normalised_signals
+from suspend.analysis.tables import format_analysis
+from suspend.errors import ConfigurationError, StorageError
+from suspend.io import Run
+from suspend.io.files import replace_atomically, storage_errors, write_bytes
+
+_SAMPLE_FIELDS = ("time", "strain", "rate", "phase", "stress_fluid", *("stress_" + part for part in PARTS))
+_CHUNK = 32  # cycles read at a time
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Moduli of the complete cycles of a run (or averages over the blocks of a run without oscillation).
+
+    `columns` are the headers "quantity[unit]" of `values` (cycles, columns), see `cycle_row` and
+    `block_row`; `analysis["eta_r_prime"]` is one column (the unit may be left out). `cycles` counts from 0,
+    as `Run.cycle`. `last` is the number of cycles at the end over which averages are taken. `waveforms`
+    holds the normalised signals of the first and the last cycle, `notes` what is missing or must be known to
+    read the numbers.
+    """
+
+    path: str
+    flow: str
+    scales: dict[str, float]
+    columns: tuple[str, ...] = ()
+    values: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    last: int = 0
+    waveforms: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Column `name` (cycles,), with or without "[unit]". Raises KeyError."""
+        for i, column in enumerate(self.columns):
+            if name in (column, column.partition("[")[0]):
+                return self.values[:, i]
+        raise KeyError(f"no column {name!r}; there are {', '.join(self.columns) or 'none'}")
+
+    def __contains__(self, name: str) -> bool:
+        return any(name in (column, column.partition("[")[0]) for column in self.columns)
+
+    @property
+    def oscillatory(self) -> bool:
+        """True for oscillatory shear, False for block averages."""
+        return self.flow == "oscillatory"
+
+    @property
+    def cycles(self) -> np.ndarray:
+        """Numbers of the cycles (or blocks), from 0."""
+        return np.arange(len(self.values))
+
+    @property
+    def total_strain(self) -> np.ndarray:
+        """gamma_tot at the end of each cycle; quiescent: time times reference rate."""
+        return self["total_strain"]
+
+    @property
+    def d_cyc(self) -> np.ndarray:
+        """D_cyc of each cycle; NaN where it is not known."""
+        return self["D_cyc"]
+
+    def averages(self) -> dict[str, dict[str, float]]:
+        """Mean, standard error and change of each column over the last `last` cycles.
+
+        The standard error s/sqrt(m) takes cycles as independent, so it is too small where they are
+        correlated; `change` is the slope of a straight line through the values times the length of the
+        window: larger than the error, the run is still evolving. NaN where too few values exist (error: 2,
+        change: 3).
+        """
+        names = [name for name in self.columns if name != "total_strain[-]"]
+        return {name: _average(self[name][len(self.values) - self.last :]) for name in names}
+
+    def table(self) -> str:
+        """Text for the terminal: moduli per cycle, averages, harmonics, parts, cost, notes."""
+        return format_analysis(self)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but the waveforms as plain types fit for JSON; what is not a finite number is None."""
+        return {
+            "run": self.path,
+            "flow": self.flow,
+            "parameters": _plain(self.scales),
+            "cycles": len(self.values),
+            "columns": {name: _plain(self[name].tolist()) for name in self.columns},
+            "averages": {"cycles": self.last, "quantities": _plain(self.averages())},
+            "statistics": _plain(self.statistics),
+            "notes": list(self.notes),
+        }
+
+    def write_csv(self, path: os.PathLike | str) -> None:
+        """Write cycle numbers and columns under a header "quantity[unit]"; atomic. Raises StorageError."""
+        path, buffer = Path(path), io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(["cycle", *self.columns])
+        writer.writerows([cycle, *row] for cycle, row in enumerate(self.values.tolist()))
+        text = [buffer.getvalue().encode()]
+        with storage_errors("write", path):
+            replace_atomically(path, lambda temporary: write_bytes(temporary, text), sync=True)
+
+
+def analyze(path: os.PathLike | str, last: int | None = None) -> Analysis:
+    """Analyse a run directory or trajectory file, also while the run goes on.
+
+    `last`: how many of the last complete cycles are averaged; by default an eighth of them and at least
+    four, of a reversal those after it. Cycles are read a few at a time, so that memory does not grow with
+    the run. Without a complete cycle the result is empty and its notes say so. Raises StorageError (path),
+    ConfigurationError (`last`, too few samples a cycle), NumericalError (stress not finite).
+    """
+    with Run(path) as run:
+        return analyze_run(run, last, str(path))
+
+
+def analyze_run(run: Run, last: int | None = None, path: str = "") -> Analysis:
+    """`analyze` for a run that is open already."""
+    flow, scales = read_scales(run)
+    if last is not None and not 1 <= last <= run.cycles:
+        raise ConfigurationError(
+            f"cannot average over the last {last} cycles: the run has {run.cycles} complete ones"
+        )
+    make_row = cycle_row if flow == "oscillatory" else block_row
+    rows, waveforms, columns = [], {}, ()
+    for record in _samples(run):
+        row = make_row(record, scales)
+        columns = tuple(row)
+        rows.append(list(row.values()))
+        if record["index"] in (0, run.cycles - 1):
+            waveforms[record["index"]] = normalised_signals(record, scales)
+    values = np.array(rows, float).reshape(len(rows), len(columns))
+    notes = _progress_notes(run, flow)
+    if rows and flow == "oscillatory":
+        d_cyc = _diffusivities(run, scales)
+        values[:, columns.index("D_cyc[-]")] = d_cyc
+        notes += _diffusivity_notes(run, d_cyc)
+    window = last if last is not None else _default_window(columns, values)
+    return Analysis(path, flow, scales, columns, values, window, waveforms, _cost(run), tuple(notes))
+
+
+def read_scales(run: Run) -> tuple[str, dict[str, float]]:
+    """Kind of flow, and what the moduli are normalised with, from the configuration stored with the run.
+
+    Oscillatory: gamma0, omega, phase; otherwise rate; always viscosity, radius, number, volume_fraction.
+    Raises StorageError where the configuration lacks one of them.
+    """
+    config = run.config
+    try:
+        flow, particles = config["flow"], config["particles"]
+        scales = {name: particles[name] for name in ("number", "volume_fraction", "radius")}
+        scales["viscosity"] = config["fluid"]["viscosity"]
+        if flow["type"] == "oscillatory":
+            omega = flow["omega"] if flow.get("omega") is not None else 2.0 * math.pi * flow["frequency"]
+            scales |= {"gamma0": flow["amplitude"], "omega": omega, "phase": flow["phase"]}
+        else:
+            scales["rate"] = flow["rate"]
+        return flow["type"], {name: int(v) if name == "number" else float(v) for name, v in scales.items()}
+    except (KeyError, TypeError, ValueError) as error:
+        raise StorageError(
+            f"the configuration stored with the run {getattr(run, 'path', '')} is not usable ({error!r}): "
+            "it was not written by this version of suspend, or was changed"
+        ) from error
+
+
+def _samples(run: Run) -> Iterator[dict[str, Any]]:
+    """Time series of each complete cycle; positions are not read."""
+    names = [name for name in _SAMPLE_FIELDS if run.cycles and name in run.fields]
+    for first in range(0, run.cycles, _CHUNK):
+        last = min(first + _CHUNK, run.cycles)
+        series = {name: run.series(name, first, last) for name in names}
+        owner = run.series("cycle", first, last)
+        for k in range(first, last):
+            rows = slice(*np.searchsorted(owner, (k, k + 1)))
+            yield {"index": k} | {name: column[rows] for name, column in series.items()}
+
+
+def _diffusivities(run: Run, scales: Mapping) -> np.ndarray:
+    """D_cyc (cycles,); NaN for a cycle whose end is not stored (yet)."""
+    starts = (frame for chunk in run.cycle_start_unwrapped() for frame in chunk)
+    found = np.fromiter(cyclic_diffusivities(starts, scales["gamma0"], scales["radius"]), float)[: run.cycles]
+    return np.concatenate([found, np.full(run.cycles - len(found), np.nan)])
+
+
+def _default_window(columns: tuple[str, ...], values: np.ndarray) -> int:
+    usable = len(values)
+    if "shear_rate[rate]" in columns and usable:  # do not average across a reversal
+        rate = values[:, columns.index("shear_rate[rate]")]
+        changed = np.flatnonzero(rate != rate[-1])
+        usable -= changed[-1] + 1 if changed.size else 0
+    return int(min(usable, max(4, usable // 8)))
+
+
+def _progress_notes(run: Run, flow: str) -> list[str]:
+    unit = "cycle" if flow == "oscillatory" else "block of strain"
+    if run.cycles == 0:
+        return [f"no complete {unit} is stored yet: nothing to analyse; let the run go on"]
+    notes = [] if run.finished else ["the run is not finished: these are its complete cycles so far"]
+    if run.stored > run.cycles:
+        notes.append(f"the last {unit} is not complete and is left out")
+    return notes
+
+
+def _diffusivity_notes(run: Run, d_cyc: np.ndarray) -> list[str]:
+    if not np.isnan(d_cyc).any():
+        return []
+    if int(run.meta["number"]) < 2:
+        return ["D_cyc needs two spheres: it is the displacement relative to the mean"]
+    missing = np.isnan(d_cyc).sum()
+    return [f"D_cyc of {missing} cycle(s) is not known: the positions at the end are not stored (yet)"]
+
+
+def _cost(run: Run) -> dict[str, float]:
+    """Solver statistics of all cycles: totals of counts, extremes of gaps and error estimates."""
+    reduce = {"minimum_gap": np.min, "position_error": np.max}
+    columns = run.statistics() if run.stored else {}
+    return {name: reduce.get(name, np.sum)(column).item() for name, column in columns.items() if len(column)}
+
+
+def _average(values: np.ndarray) -> dict[str, float]:
+    order = np.flatnonzero(np.isfinite(values))
+    values, count = values[order], len(order)
+    change = math.nan
+    if count > 2:
+        change = float(np.polyfit(order, values, 1)[0] * (order[-1] - order[0]))
+    return {
+        "mean": float(values.mean()) if count else math.nan,
+        "standard_error": float(values.std(ddof=1) / math.sqrt(count)) if count > 1 else math.nan,
+        "change": change,
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
