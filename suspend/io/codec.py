@@ -63,16 +63,20 @@ def unflatten(skeleton: dict[str, list | None], arrays: dict[str, np.ndarray]) -
     return tree
 
 
-def pack(tree: dict) -> bytes:
-    """Bytes of a nested dict: header length, header (JSON: skeleton, dtypes, shapes), raw arrays."""
+def pack(tree: dict) -> list[bytes | memoryview]:
+    """Bytes of a nested dict in pieces: header length, header (JSON: skeleton, dtypes, shapes), raw arrays.
+
+    The pieces share memory with the arrays.
+    """
     skeleton, arrays = flatten(tree)
     listing = [[path, array.dtype.str, list(array.shape)] for path, array in arrays.items()]
     header = json.dumps({"skeleton": skeleton, "arrays": listing}).encode()
-    return b"".join([_LENGTH.pack(len(header)), header, *(array.tobytes() for array in arrays.values())])
+    raw = [memoryview(array.reshape(-1).view(np.uint8)) for array in arrays.values()]
+    return [_LENGTH.pack(len(header)) + header, *raw]
 
 
 def unpack(data: bytes | memoryview) -> dict:
-    """Inverse of `pack`; the arrays are writable copies. Raises ValueError when the bytes do not fit."""
+    """Inverse of `pack` (pieces joined); the arrays are copies. Raises ValueError where bytes remain."""
     view = memoryview(data)
     start = _LENGTH.size + _LENGTH.unpack_from(view)[0]
     header = json.loads(bytes(view[_LENGTH.size : start]))
@@ -81,7 +85,8 @@ def unpack(data: bytes | memoryview) -> dict:
         dtype = np.dtype(dtype)
         count = int(np.prod(shape, dtype=np.int64))
         stop = start + count * dtype.itemsize
-        arrays[path] = np.frombuffer(bytes(view[start:stop]), dtype).reshape(shape).copy()
+        arrays[path] = np.empty(shape, dtype)
+        arrays[path].reshape(-1).view(np.uint8)[:] = np.frombuffer(view[start:stop], np.uint8)
         start = stop
     if start != len(view):
         raise ValueError(f"{len(view) - start} bytes left over")

@@ -99,12 +99,13 @@ def write_all(handle: BinaryIO, data: bytes | memoryview) -> None:
         view = view[handle.write(view) :]
 
 
-def append_or_restore(path: Path, data: bytes | memoryview) -> None:
-    """Append `data` to `path` (created when absent); on an error cut the file back to its former length."""
+def append_or_restore(path: Path, pieces: list[bytes | memoryview]) -> None:
+    """Append the pieces to `path` (created when absent); on an error cut the file back."""
     with open(path, "ab", buffering=0) as handle:
         length = os.fstat(handle.fileno()).st_size
         try:
-            write_all(handle, data)
+            for piece in pieces:
+                write_all(handle, piece)
         except BaseException:
             with suppress(OSError):
                 os.ftruncate(handle.fileno(), length)

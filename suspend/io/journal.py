@@ -112,15 +112,18 @@ def append_record(path: Path, run_id: str, record: dict) -> int:
 
     After an error the journal is as before.
     """
-    data = pack(record)
+    pieces = pack(record)
+    length, crc = sum(len(piece) for piece in pieces), 0
+    for piece in pieces:
+        crc = zlib.crc32(piece, crc)
     frame = _FRAME.pack(
         _FRAME_MAGIC,
         record["index"],
         record["complete"],
         len(record["time"]),
         len(record["frame_time"]),
-        len(data),
-        zlib.crc32(data),
+        length,
+        crc,
     )
     with storage_errors(f"append cycle {record['index']} to", path):
         try:
@@ -130,8 +133,8 @@ def append_record(path: Path, run_id: str, record: dict) -> int:
         if fresh:
             path.unlink(missing_ok=True)
         header = _HEADER.pack(_MAGIC, FORMAT_VERSION, run_id.encode()) if fresh else b""
-        append_or_restore(path, header + frame + data)
-    return len(data)
+        append_or_restore(path, [header + frame, *pieces])
+    return length
 
 
 def truncate_journal(path: Path, end: int) -> None:

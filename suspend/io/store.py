@@ -34,6 +34,7 @@ from suspend.io.files import (
     remove_temporaries,
     replace_atomically,
     storage_errors,
+    write_bytes,
 )
 from suspend.io.journal import Journal, append_record, truncate_journal
 from suspend.io.reader import CHECKPOINT, JOURNAL, TRAJECTORY, Run
@@ -83,8 +84,8 @@ class RunStore:
         """Start a run in a new or empty-of-runs directory (made with its parents).
 
         `config_yaml`: resolved configuration; `meta`: nested dict of scalars with at least number and L (cell
-        edge); `interval`: seconds between rewritings of trajectory.h5. Raises StorageError, also where the
-        directory holds a run already.
+        edge); `interval`: seconds between rewritings of trajectory.h5 (0: every cycle). Raises StorageError,
+        also where the directory holds a run already.
         """
         directory = Path(directory)
         made = _make_folder(directory)
@@ -112,9 +113,8 @@ class RunStore:
         with storage_errors("create", path):
             remove_temporaries(self.directory)
             (self.directory / JOURNAL).unlink(missing_ok=True)
-            replace_atomically(
-                path, lambda temporary: h5md.create_file(temporary, config_yaml, meta, self.run_id), sync=True
-            )
+            data = h5md.empty_file(config_yaml, meta, self.run_id)
+            replace_atomically(path, lambda temporary: write_bytes(temporary, [data]), sync=True)
         if self._table:
             self._table.repair(self.directory, [], 0, None)
 
@@ -200,7 +200,9 @@ class RunStore:
         """Saved solver state; partial record of the cycle in progress or None. Raises StorageError."""
         if self._content is None:
             raise StorageError(f"{self.directory} has no checkpoint yet: start the run anew")
-        return self._content["state"], self._content["partial"]
+        saved = "state" not in self._content  # by this store itself, which keeps no copy in memory
+        content = read_checkpoint(self.directory / CHECKPOINT) if saved else self._content
+        return content["state"], content["partial"]
 
     def append_cycle(self, record: dict) -> None:
         """Add the record of a cycle that has ended; call `save` with the state at its end right after.
@@ -226,7 +228,8 @@ class RunStore:
         Then adds the lines of new cycles to the table and consolidates when it is time. Raises StorageError.
         """
         self._save(state, partial)
-        if time.monotonic() - self._last > max(self._interval, self._cost / COPY_SHARE):
+        pause = max(self._interval, self._cost / COPY_SHARE) if self._interval else 0.0
+        if time.monotonic() - self._last >= pause:
             self.consolidate()
 
     def _save(self, state: dict, partial: dict | None) -> None:
@@ -298,7 +301,10 @@ class RunStore:
         journal = Journal(self.directory / JOURNAL)
         try:
             entries = journal.entries
-            self._reserve(temporary, sum(entry.length for entry in entries) + len(data or b""))
+            added = sum(entry.length for entry in entries) + len(data or b"") + 64 * int(self.meta["number"])
+            _reserve(
+                temporary, int(1.1 * added) + (4 << 20)
+            )  # records, state, final frame, partly filled chunks
             with h5py.File(temporary, "r+", locking=False) as file:
                 if entries:
                     h5md.truncate(file, entries[0].cycle)
@@ -308,17 +314,11 @@ class RunStore:
                 change(file)
                 if data is not None:
                     h5md.set_checkpoint(file, data)
-                h5md.set_configuration(file, self.config_yaml)
+                if h5md.get_configuration(file) != self.config_yaml:
+                    h5md.set_configuration(file, self.config_yaml)
                 file["parameters"].attrs["finished"] = finished
         finally:
             journal.close()
-
-    @staticmethod
-    def _reserve(path: Path, added: int) -> None:
-        # a full disk shows here, as a plain OSError, and not inside HDF5; closing HDF5 gives the rest back
-        with open(path, "r+b") as handle:
-            size = os.fstat(handle.fileno()).st_size
-            os.posix_fallocate(handle.fileno(), size, int(1.1 * added) + (4 << 20))
 
     def close(self) -> None:
         """Release the directory; writes nothing. Harmless when done twice."""
@@ -342,6 +342,15 @@ def _make_folder(directory: Path) -> bool:
                 raise
             return False
     return True
+
+
+def _reserve(path: Path, added: int) -> None:
+    """Give the file `added` bytes more on the device; HDF5 gives back what it does not need. Raises OSError.
+
+    HDF5 can crash when the disk fills up while it writes, so a full disk has to show before.
+    """
+    with open(path, "r+b") as handle:
+        os.posix_fallocate(handle.fileno(), os.fstat(handle.fileno()).st_size, added)
 
 
 def _batches(entries: list) -> list[list]:

@@ -32,7 +32,7 @@ class CycleTable:
         path = directory / self.name
         with storage_errors("append to", path):
             text = lines if path.exists() and path.stat().st_size else header + lines
-            append_or_restore(path, text.encode())
+            append_or_restore(path, [text.encode()])
 
     def repair(self, directory: Path, records: Iterable[dict], count: int, last: dict | None) -> bool:
         """Rewrite the file where it does not hold exactly `count` lines ending with that of record `last`.

@@ -38,7 +38,7 @@ class TrajectoryFile:
         self.format_version = version
         self.run_id = str(parameters.attrs["run_id"])
         self.finished = bool(parameters.attrs["finished"])
-        self.config_yaml = parameters["configuration"].asstr()[()]
+        self.config_yaml = h5md.get_configuration(self._file)
         self.meta = h5md.read_meta(parameters["meta"])
         self.number, self.length = int(self.meta["number"]), float(self.meta["L"])
         self.index, self.complete, self.sample_end, self.frame_end = (
