@@ -109,7 +109,7 @@ def _contact(values: Values, complain: Complain) -> None:
         complain(
             "contact",
             "can never act: spheres touch only at gap 0, where lubrication is infinite. Freeze lubrication"
-            " below a gap (lubrication.minimum_gap: 1e-3), let contact begin before (contact.gap_shift: 1e-3),"
+            " below a gap (lubrication.minimum_gap: 1e-3) or let contact begin at one (contact.gap_shift),"
             " or leave the contact section out",
         )
 

@@ -8,8 +8,8 @@ from suspend.config.render import commented
 
 UNITS = """
 Units: lengths in any unit you like (that of particles.radius), times in that of flow.omega or flow.rate,
-viscosity in that of fluid.viscosity; lengths marked [radii] in sphere radii a; strains as pure numbers; forces
-in F_stk = 6 pi eta0 a^2 Gamma with Gamma = gamma0 omega (oscillatory) or flow.rate.
+viscosity in that of fluid.viscosity; lengths marked [radii] in sphere radii a; strains as pure numbers;
+forces in F_stk = 6 pi eta0 a^2 Gamma with Gamma = gamma0 omega (oscillatory) or flow.rate.
 After each key: its meaning [unit]; its default; the values it allows.
 """
 REFERENCE_HEAD = f"""

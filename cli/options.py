@@ -1,0 +1,93 @@
+"""Types of options: overrides, wall time, threads, figure files."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import click
+from click.shell_completion import CompletionItem
+
+TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?", re.ASCII | re.IGNORECASE)
+SECONDS = (86400.0, 3600.0, 60.0, 1.0)
+FIGURES = (".png", ".pdf", ".svg")
+
+
+def cores() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def use_threads(threads: int) -> None:
+    """Let numba start `threads` threads; it reads the variable once, when it is imported."""
+    if "numba" not in sys.modules:
+        os.environ["NUMBA_NUM_THREADS"] = str(threads)
+
+
+class OverrideType(click.ParamType):
+    """KEY=VALUE, checked with the configuration; the shell completes the keys."""
+
+    name = "key=value"
+
+    def shell_complete(self, ctx, param, incomplete):
+        """Dotted keys that begin with what is typed."""
+        from suspend.config.schema import every_key
+
+        return [
+            CompletionItem(f"{key}=", help=i.meaning)
+            for key, i in every_key().items()
+            if key.startswith(incomplete)
+        ]
+
+
+class DurationType(click.ParamType):
+    """Wall time to seconds: 90, 90s, 10m, 2h, 1h30m, 1d."""
+
+    name = "time"
+
+    def convert(self, value, param, ctx):
+        """Seconds, more than 0."""
+        if isinstance(value, int | float):
+            return float(value)
+        match = TIME.fullmatch(value.strip())
+        try:
+            parts = [float(part or 0) for part in match.groups()] if match else [0.0]
+            total = sum(part * unit for part, unit in zip(parts, SECONDS[-len(parts) :], strict=True))
+        except ValueError:
+            total = 0.0
+        if not 0.0 < total < float("inf"):
+            self.fail(f"found {value!r}; must be a time > 0 such as 90, 90s, 10m, 2h, 1h30m", param, ctx)
+        return total
+
+
+class Threads(click.ParamType):
+    """Number of threads from 1 to the number of cores."""
+
+    name = "threads"
+
+    def convert(self, value, param, ctx):
+        """An integer in the range."""
+        available = cores()
+        try:
+            threads = int(value)
+        except ValueError:
+            threads = 0
+        if not 1 <= threads <= available:
+            self.fail(
+                f"found {value}; must be an integer from 1 to {available}, the cores there are", param, ctx
+            )
+        return threads
+
+
+class Figure(click.ParamType):
+    """File to draw into; its suffix is the format."""
+
+    name = "file"
+
+    def convert(self, value, param, ctx):
+        """The path as text."""
+        if Path(value).suffix.lower() not in FIGURES:
+            self.fail(f"found {value!r}; must end in {', '.join(FIGURES)}", param, ctx)
+        return value
