@@ -58,9 +58,9 @@ def _complain(message: str, code: int) -> int:
 
 
 def _reader_gone() -> int:
-    """`suspend ... | head` closed the pipe: quiet, with the code a shell gives to a process SIGPIPE ends."""
+    """`suspend ... | head` closed the pipe: quiet, and 1 as click exits on a closed pipe."""
     _silence_stdout()
-    return 128 + 13
+    return 1
 
 
 def _silence_stdout() -> None:

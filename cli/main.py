@@ -155,7 +155,7 @@ def _print_result(result, as_json: bool) -> None:
     "plot_path",
     type=Figure(),
     metavar="FILE",
-    help="Draw Lissajous curves and the evolution over cycles (.png, .pdf, .svg).",
+    help="Draw Lissajous curves and the evolution over cycles (.png, .pdf).",
 )
 @click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
 def analyze(path, as_json, csv_path, plot_path, last) -> None:

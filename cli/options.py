@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 
 TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?", re.ASCII | re.IGNORECASE)
 SECONDS = (86400.0, 3600.0, 60.0, 1.0)
-FIGURES = (".png", ".pdf", ".svg")
+FIGURES = (".png", ".pdf")  # `suspend.plots.FORMATS`, known here without importing matplotlib
 
 
 def cores() -> int:
