@@ -280,9 +280,10 @@ def test_threads_reach_numba_before_it_is_imported():
         "def run(*a, **k):\n  import numba\n  print(numba.config.NUMBA_NUM_THREADS, k['threads'])\n"
         "  sys.exit(0)\n"
         f"m.run = run\nfrom suspend_cli.main import main\nmain(['run', {DEMO!r}, '--threads', '1'])"
-    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_NUM_THREADS"}
     )
-    printed = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, check=True, env=environment)
+    environment = {name: value for name, value in os.environ.items() if name != "NUMBA_NUM_THREADS"}
+    command = [sys.executable, "-c", code]
+    printed = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=environment)
     assert printed.stdout.split() == ["1", "1"]
 
 
