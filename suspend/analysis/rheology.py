@@ -169,7 +169,7 @@ def _signals(stress: np.ndarray) -> np.ndarray:
 
 
 def _ratio(numerator: float, denominator: float) -> float:
-    return float(numerator / denominator) if denominator != 0.0 else float("nan")
+    return float(numerator / denominator) + 0.0 if denominator != 0.0 else float("nan")  # + 0.0: no "-0"
 
 
 def cycle_row(record: Mapping, scales: Mapping, d_cyc: float | None = None) -> dict[str, float]:

@@ -83,7 +83,7 @@ class Analysis:
         window: larger than the error, the run is still evolving. NaN where too few values exist (error: 2,
         change: 3).
         """
-        names = [name for name in self.columns if name != "total_strain[-]"]
+        names = [name for name in self.columns if name not in ("total_strain[-]", "shear_rate[rate]")]
         return {name: _average(self[name][len(self.values) - self.last :]) for name in names}
 
     def table(self) -> str:
@@ -118,9 +118,10 @@ def analyze(path: os.PathLike | str, last: int | None = None) -> Analysis:
     """Analyse a run directory or trajectory file, also while the run goes on.
 
     `last`: how many of the last complete cycles are averaged; by default an eighth of them and at least
-    four, of a reversal those after it. Cycles are read a few at a time, so that memory does not grow with
-    the run. Without a complete cycle the result is empty and its notes say so. Raises StorageError (path),
-    ConfigurationError (`last`, too few samples a cycle), NumericalError (stress not finite).
+    four; without oscillation the last half (of the blocks after a reversal). Cycles are read a few at a
+    time, so that memory does not grow with the run. Without a complete cycle the result is empty and its
+    notes say so. Raises StorageError (path), ConfigurationError (`last`, too few samples a cycle),
+    NumericalError (stress not finite).
     """
     with Run(path) as run:
         return analyze_run(run, last, str(path))
@@ -197,9 +198,10 @@ def _diffusivities(run: Run, scales: Mapping) -> np.ndarray:
 def _default_window(columns: tuple[str, ...], values: np.ndarray) -> int:
     usable = len(values)
     if "shear_rate[rate]" in columns and usable:  # do not average across a reversal
-        rate = values[:, columns.index("shear_rate[rate]")]
-        changed = np.flatnonzero(rate != rate[-1])
+        direction = np.sign(values[:, columns.index("shear_rate[rate]")])
+        changed = np.flatnonzero(direction != direction[-1])
         usable -= changed[-1] + 1 if changed.size else 0
+        return int(max(usable // 2, 1))
     return int(min(usable, max(4, usable // 8)))
 
 

@@ -34,6 +34,12 @@ _STEADY = (
     ("N2", "N2"),
 )
 _QUIESCENT = (("time*rate", "total_strain"), ("sigma_xy", "sigma_xy"), ("N1", "N1"), ("N2", "N2"))
+_FLOWS = {
+    "oscillatory": "oscillatory shear",
+    "steady": "steady shear",
+    "reversal": "shear reversal",
+    "quiescent": "no flow",
+}
 _LEGEND = {
     True: "per cycle; eta_n' and nu_n in units of eta0, G_n' of eta0 omega, D_cyc of a^2 per unit strain",
     False: "averages over blocks of about one unit of strain (time); N1, N2, sigma_xy in units of eta0 rate",
@@ -68,13 +74,20 @@ def shown_cycles(count: int, most: int = _SHOWN) -> list[int]:
 
 def _title(analysis: Analysis) -> str:
     scales, count = analysis.scales, len(analysis.values)
-    what = f"{analysis.flow} shear" if analysis.flow != "quiescent" else "quiescent"
-    values = f"N = {scales['number']}, phi = {scales['volume_fraction']:.4g}"
+    facts = [_FLOWS.get(analysis.flow, analysis.flow), f"N = {scales['number']}"]
+    facts.append(f"phi = {scales['volume_fraction']:.4g}")
     if analysis.oscillatory:
-        values += f", gamma0 = {scales['gamma0']:g}, omega = {scales['omega']:g}"
-        values += f", initial phase {scales['phase']:g} rad" if scales["phase"] else ""
-        return f"{analysis.path}: {what}, {values}; {count} complete cycles\n{_LEGEND[True]}"
-    return f"{analysis.path}: {what}, {values}, rate = {scales['rate']:g}; {count} blocks\n{_LEGEND[False]}"
+        facts += [f"gamma0 = {scales['gamma0']:g}", f"omega = {scales['omega']:g}"]
+        if scales["phase"]:
+            facts.append(f"initial phase {scales['phase']:g} rad")
+    else:
+        facts.append(f"rate = {scales['rate']:g}")
+    done = f"{count} complete {_plural('cycle' if analysis.oscillatory else 'block', count)}"
+    return f"{analysis.path}: {', '.join(facts)}; {done}\n{_LEGEND[analysis.oscillatory]}"
+
+
+def _plural(unit: str, count: int) -> str:
+    return unit if count == 1 else unit + "s"
 
 
 def _number(value: float, width: int = 10) -> str:
@@ -93,11 +106,12 @@ def _cycles(analysis: Analysis) -> str:
     for k in shown:
         lines.append(f"{k:8d}" + "".join(" " + _number(column[k]) for column in columns))
     averages = {name.partition("[")[0]: value for name, value in analysis.averages().items()}
-    lines.append(f"last {analysis.last} {unit}{'s' if analysis.last > 1 else ''}:")
-    for label, kind in (("mean", "mean"), ("+-", "standard_error"), ("change", "change")):
+    lines.append(f"last {analysis.last} {_plural(unit, analysis.last)}:")
+    kinds = (("mean", "mean"), ("+-", "standard_error"), ("change", "change"))
+    for label, kind in kinds[: min(analysis.last, 3)]:  # an error needs two values, a trend three
         cells = [_number(averages[name][kind]) if name in averages else " " * 10 for _, name in layout]
         lines.append(label.rjust(8) + "".join(" " + cell for cell in cells))
-    lines.append("(+-: standard error, cycles taken as independent; change: linear trend over them)")
+    lines.append(f"(+-: standard error, {unit}s taken as independent; change: linear trend over them)")
     return "\n".join(lines)
 
 
