@@ -109,6 +109,26 @@ def test_what_is_no_finite_number(written):
     assert "must be a number > 0 and <= 0.7404805" in message
 
 
+@pytest.mark.parametrize(
+    "override", ["repulsion.force=true", "lubrication.minimum_gap=nan", "external.force=[0, 0, no]"]
+)
+def test_switches_and_nan_are_no_numbers_whatever_the_range(override):
+    """True is 1 and nan compares false in Python: neither must slip through a range that would hold it."""
+    assert f"{override.partition('=')[0]}: found" in complaint(override)
+
+
+def test_infinity_is_refused_where_there_is_no_upper_limit():
+    assert every_key()["integrator.min_step"].most is None
+    message = complaint("integrator.min_step=1e999", "integrator.max_step=10")
+    assert "integrator.min_step: found 1e999; must be a number > 0 [strain]; it is not finite" in message
+
+
+def test_minus_zero_is_zero():
+    """-0.0 == 0.0, so that equal configurations must have equal texts."""
+    config = loads(TEXT, overrides=["external.force=[-0.0, 0, -0]"])
+    assert "force: [0.0, 0.0, 0.0]" in config.to_yaml()
+
+
 @pytest.mark.parametrize("written", ["1.5", "100.0", "1e2", "true", "'3'", "0", "-4", "99999999999999999999"])
 def test_what_is_no_integer_in_range(written):
     assert "particles.number: found" in complaint(f"particles.number={written}")

@@ -259,6 +259,8 @@ def _complaint(key: Key, item: Item) -> str:
         return message + "; leave the key out for its default"
     if key.kind in ("integer", "number") and isinstance(item.value, str) and _is_number(scalar(item.text)):
         return message + ", without quotes"
+    if isinstance(item.value, float) and not math.isfinite(item.value):
+        return message + "; it is not finite"
     if key.kind == "integer" and isinstance(item.value, float) and item.value.is_integer():
         return message + f"; write {int(item.value)}"
     if key.kind == "text" and not isinstance(item.value, str | dict | list | None):
