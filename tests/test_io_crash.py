@@ -266,15 +266,15 @@ def test_no_space_to_begin_with_leaves_nothing_behind(tmp_path, limit):
 
 
 def test_space_in_the_file_is_reused(tmp_path):
-    """Rewriting the trajectory after every cycle may not make it larger than writing it once (2 x)."""
+    """Rewriting the trajectory after every cycle may not make it 1.3 x larger than once at the end."""
     for name, interval in (("often", 0.0), ("once", 1e9)):
-        with RunStore.create(tmp_path / name, CONFIG, META, interval=interval) as store:
+        with RunStore.create(tmp_path / name, CONFIG, META | {"number": 500}, interval=interval) as store:
             for k in range(60):
-                store.append_cycle(record(k))
+                store.append_cycle(record(k, 500))
                 store.save({"of varying size": np.zeros(20_000 * (k % 3))})
-            store.finish({}, final_frame(60))
+            store.finish({}, final_frame(60, 500))
     often, once = ((tmp_path / name / "trajectory.h5").stat().st_size for name in ("often", "once"))
-    assert often < 2 * once
+    assert often < 1.3 * once
 
 
 def test_failing_journal_write_leaves_the_journal_as_it_was(tmp_path, monkeypatch):

@@ -146,7 +146,7 @@ def test_table_numbers_are_exact_and_headers_quoted(tmp_path):
         assert int(row["cycle"]) == k and float(row["G1' (Pa)"]) == record(k)["stress_fluid"][0, 0]
 
 
-@pytest.mark.parametrize("damage", ["torn", "missing line", "removed", "surplus", "zeros"])
+@pytest.mark.parametrize("damage", ["torn", "missing line", "removed", "surplus", "zeros", "other digits"])
 def test_table_is_repaired_on_opening(tmp_path, damage):
     """Whatever happened to the table, on resuming it equals that of an undisturbed run."""
     write(tmp_path / "run", 3)
@@ -157,6 +157,7 @@ def test_table_is_repaired_on_opening(tmp_path, damage):
         "torn": good[:-5],
         "missing line": b"".join(lines[:-1]),
         "surplus": good + lines[-1].replace(b"2,", b"3,", 1),
+        "other digits": good[:-2] + b"7\n",
         "zeros": good[: -len(lines[-1])] + b"\0" * len(lines[-1]),
     }
     path.unlink() if damage == "removed" else path.write_bytes(bad[damage])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -149,6 +150,10 @@ def _open(path: Path) -> h5py.File:
     if empty:
         raise StorageError(f"{path} is empty: no trajectory of suspend")
     try:
-        return h5py.File(path, "r", locking=False)  # never modified in place, so no lock is needed
+        return h5py.File(path, "r")
     except OSError as error:
+        # File systems without locks need none here, as the file is never modified in place. Not at once: HDF5
+        # refuses to open a file twice in one process (MDAnalysis beside us) with different ideas of locking.
+        with suppress(OSError):
+            return h5py.File(path, "r", locking=False)
         raise StorageError(f"{path} is no HDF5 file, or truncated: {error}") from error
