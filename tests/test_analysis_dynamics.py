@@ -52,8 +52,7 @@ def test_random_walkers():
 
 
 def test_small_number_bias():
-    """For N walkers the removed mean costs exactly the factor 1 - 1/N: of N = 2, half remains, for one seed
-    or many.
+    """The mean is removed and its factor 1 - 1/N is not corrected, as documented: worked out for two spheres.
 
     Two spheres displaced by +d and -d/2 along y: relative to the mean +-0.75 d, so <Delta^2> = 0.5625 d^2.
     """
@@ -63,8 +62,7 @@ def test_small_number_bias():
 
 
 def test_drift_of_the_centre_is_removed():
-    """A uniform displacement, large beside the rearrangements, leaves D_cyc unchanged to round-off (1e-12 x
-    1e3^2)."""
+    """A uniform displacement, 3e3 times the rearrangements, leaves D_cyc unchanged to round-off (3e3 x 1e-16)."""
     random = np.random.default_rng(4)
     before, step = random.random((50, 3)), 1e-2 * random.normal(size=(50, 3))
     still = cyclic_diffusivity(before, before + step, 0.5)
