@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import tempfile
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -41,12 +43,24 @@ def test_unusable_places_are_refused(tmp_path):
         RunStore.open(tmp_path)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_unwritable_folder(tmp_path):
-    """A folder without write permission: StorageError, nothing left behind."""
-    (tmp_path / "locked").mkdir(mode=0o500)
-    with pytest.raises(StorageError, match="permission denied"):
-        RunStore.create(tmp_path / "locked/run", CONFIG, META)
+def test_unwritable_folder():
+    """A folder without write permission (tried as an ordinary user): StorageError, nothing left behind."""
+    locked = Path(tempfile.mkdtemp())  # below tmp_path only its owner could look
+    locked.chmod(0o555)
+    pid = os.fork()
+    if pid == 0:
+        try:
+            if os.geteuid() == 0:
+                os.seteuid(65534)
+            RunStore.create(locked / "run", CONFIG, META)
+        except StorageError as error:
+            os._exit(4 if "permission denied" in str(error) else 5)
+        finally:
+            os._exit(6)
+    _, status = os.waitpid(pid, 0)
+    assert os.waitstatus_to_exitcode(status) == 4
+    assert not list(locked.iterdir())
+    locked.rmdir()
 
 
 def test_two_writers_exclude_each_other(tmp_path):
