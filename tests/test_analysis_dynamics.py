@@ -62,7 +62,7 @@ def test_small_number_bias():
 
 
 def test_drift_of_the_centre_is_removed():
-    """A uniform displacement, 3e3 times the rearrangements, leaves D_cyc unchanged to round-off (3e3 x 1e-16)."""
+    """A uniform displacement, 3e3 times the rearrangements, leaves D_cyc unchanged to round-off."""
     random = np.random.default_rng(4)
     before, step = random.random((50, 3)), 1e-2 * random.normal(size=(50, 3))
     still = cyclic_diffusivity(before, before + step, 0.5)

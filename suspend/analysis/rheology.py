@@ -19,7 +19,6 @@ from suspend.conventions import COMPONENTS
 from suspend.errors import ConfigurationError, NumericalError, StorageError
 
 HARMONICS = 9
-MINIMUM_SAMPLES = 2 * HARMONICS + 2  # harmonic n of N samples is that of N - n too: n < N/2, one to spare
 PARTS = ("hydrodynamic", "interparticle", "flow_driven")  # flow_driven is contained in hydrodynamic
 _XX, _YY, _ZZ, _XY = (COMPONENTS.index(name) for name in ("xx", "yy", "zz", "xy"))
 _UNIFORMITY = 1e-8  # of a cycle: how far samples may lie from equal phases
@@ -32,17 +31,17 @@ def fourier_coefficients(theta: np.ndarray, signal: np.ndarray, harmonics: int =
     c_0 is the mean and c_n = (2/N) sum_k s_k exp(-i n theta_k), the discrete Fourier transform. theta (N,)
     in radians at N equal phases over exactly one cycle, in order, starting anywhere; signal (..., N), e.g.
     one row a cycle; returns (..., harmonics + 1). Exact for signals without harmonics of N - `harmonics` or
-    above; those fold onto lower ones (aliasing). Raises ConfigurationError for fewer than 2 `harmonics` + 2
+    above; those fold onto lower ones (aliasing). Raises ConfigurationError for fewer than 2 `harmonics` + 1
     samples, and for samples that are not equally spaced.
     """
     theta, signal = np.asarray(theta, float), np.asarray(signal, float)
     count = theta.size
     if signal.shape[-1:] != theta.shape:
         raise ValueError(f"signal of shape {signal.shape} at {theta.shape} phases")
-    if count < 2 * harmonics + 2:
+    if count <= 2 * harmonics:
         raise ConfigurationError(
             f"{count} samples in a cycle are too few for harmonic {harmonics}: set output.samples_per_cycle "
-            f"to {2 * harmonics + 2} or more (64 by default)"
+            f"to {2 * harmonics + 1} or more (64 by default)"
         )
     step = np.diff(theta, append=theta[0]) - 2.0 * np.pi / count
     uneven = np.abs(np.angle(np.exp(1j * step))).max() / (2.0 * np.pi)
