@@ -1,0 +1,224 @@
+"""Velocities of all spheres as a function of positions and flow: one evaluation from top to bottom.
+
+neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity solve.
+Only what the scene needs is built: without lubrication no table is loaded and no solve is made, without any pair
+interaction there is no neighbour list. Internal units of `suspend.conventions`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from suspend.conventions import COMPONENT_INDEX
+from suspend.errors import NumericalError
+from suspend.forces import PairForce, interaction_range, pair_forces
+from suspend.hydro.neighbours import VerletList
+
+HISTORY = 4  # earlier velocities from which the solve's start is extrapolated
+VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
+
+
+class Overlap(Exception):
+    """Trial positions in which spheres overlap and the lubrication functions are not defined."""
+
+    def __init__(self, gap: float):
+        super().__init__(f"spheres overlap by {-gap:.3g} a")
+        self.gap = gap
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What acts on the spheres; `table` None = no lubrication."""
+
+    edge: float
+    table: object | None
+    drags: tuple[float, float]
+    self_stresslet: float
+    force: PairForce
+    external: np.ndarray  # (6,) force and torque on every sphere
+    sheared: bool
+
+
+@dataclass(frozen=True)
+class SolverSettings:
+    """Accuracy and limits of the velocity solve, and its tuning (measured in benchmarks/)."""
+
+    tolerance: float = 1e-5
+    max_iterations: int = 2000
+    close_gap: float = 0.5  # pairs below it enter the incomplete factorisation
+    growth: float = 1.3  # refactorise when the iterations have grown by this factor
+    skin: float = 0.6
+
+
+@dataclass
+class Counters:
+    """Work done, since the start of the cycle."""
+
+    evaluations: int = 0
+    iterations: int = 0
+    steps: int = 0
+    rejected_error: int = 0
+    rejected_overlap: int = 0
+    list_builds: int = 0
+    factorisations: int = 0
+    overlaps: int = 0
+    minimum_gap: float = np.inf
+
+
+@dataclass
+class History:
+    """Earlier velocities and the polynomial through them, the start of the next solve."""
+
+    times: list = field(default_factory=list)
+    values: list = field(default_factory=list)
+
+    def push(self, time: float, value: np.ndarray) -> None:
+        """Remember `value` at `time`; a value at the same time is replaced."""
+        if time in self.times:
+            k = self.times.index(time)
+            self.times.pop(k)
+            self.values.pop(k)
+        self.times.append(time)
+        self.values.append(value)
+        if len(self.times) > HISTORY:
+            self.times.pop(0)
+            self.values.pop(0)
+
+    def extrapolate(self, time: float, shape) -> np.ndarray:
+        """Lagrange polynomial through the stored values at `time`; zeros without any."""
+        start = np.zeros(shape)
+        for a, value in zip(self.times, self.values, strict=True):
+            weight = 1.0
+            for b in self.times:
+                if b != a:
+                    weight *= (time - b) / (a - b)
+            start += weight * value
+        return start
+
+    def copy(self) -> History:
+        """A copy that later pushes do not change."""
+        return History(self.times.copy(), self.values.copy())
+
+
+class Suspension:
+    """The velocity field of a scene. One object a run; not thread-safe."""
+
+    def __init__(self, scene: Scene, settings: SolverSettings, number: int, threads: int):
+        self.scene, self.settings, self.number, self.threads = scene, settings, number, threads
+        self.strain_rate = np.zeros((3, 3))
+        if scene.sheared:
+            self.strain_rate[0, 1] = self.strain_rate[1, 0] = 0.5
+        self.force_range = interaction_range(scene.force)
+        cutoff = max(self.force_range, scene.table.cutoff if scene.table is not None else 0.0)
+        self.list = VerletList(scene.edge, cutoff, settings.skin) if cutoff > 0.0 else None
+        self.near = None
+        if scene.table is not None:
+            from suspend.hydro.nearfield import NearField
+
+            self.near = NearField(scene.table, scene.drags, threads)
+        self.counters = Counters()
+        self.history, self.flow_history = History(), History()
+        self.baseline = 0  # iterations of the solve after the last factorisation
+        self.factor_point = None  # positions and tilt of the last factorisation
+
+    def renew(self, position: np.ndarray, strain: float, tilt: float) -> None:
+        """Build the neighbour list from these positions; the preconditioner goes with it."""
+        self.list.build(position, strain, tilt)
+        self.counters.list_builds += 1
+        self.factor_point = None
+        if self.near is not None:
+            self.near.use_list(self.list.pairs, self.list.offset)
+        else:
+            from suspend.hydro.rows import split_rows
+
+            self.chunks = split_rows(self.list.offset, self.threads)
+
+    def evaluate(self, position: np.ndarray, strain: float, tilt: float, rate: float, time: float) -> np.ndarray:
+        """Velocities (N, 6) relative to the undisturbed flow; raises `Overlap` or NumericalError.
+
+        `time` is the time since the start of the run, used to extrapolate the start of the solve.
+        """
+        self.counters.evaluations += 1
+        if self.list is not None and not self.list.valid(position, strain):
+            self.renew(position, strain, tilt)
+        load = np.tile(self.scene.external, (self.number, 1))
+        if self.near is not None:
+            gap = self.near.assemble(position, self.scene.edge, tilt)
+            if gap <= 0.0 and self.scene.table.frozen <= 0.0:
+                raise Overlap(gap)
+            self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
+        self.pair_stress = np.zeros(6)
+        if self.force_range > 0.0:
+            self._add_pair_forces(position, tilt, load)
+        if self.near is None:
+            return load / np.repeat(self.scene.drags, 3)
+        if rate != 0.0:
+            load += self.near.strain_loads(rate * self.strain_rate)
+        velocity = self._solve(load, position, tilt, time)
+        self.history.push(time, velocity)
+        return velocity
+
+    def _add_pair_forces(self, position: np.ndarray, tilt: float, load: np.ndarray) -> None:
+        chunks = self.near.chunks if self.near is not None else self.chunks
+        self.pair_stress, gap, self.overlaps = pair_forces(
+            chunks, self.list.pairs, self.list.offset, position, self.scene.edge, tilt,
+            self.scene.force, self.force_range, load,
+        )  # fmt: skip
+        self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
+        if not np.isfinite(self.pair_stress).all():
+            raise Overlap(gap)
+
+    def _solve(self, load: np.ndarray, position: np.ndarray, tilt: float, time: float) -> np.ndarray:
+        fresh = self.factor_point is None
+        if fresh:
+            self.factor(position, tilt)
+        start = self.history.extrapolate(time, load.shape)
+        solution = self._conjugate_gradient(load, start)
+        if fresh:
+            self.baseline = solution.iterations
+        elif solution.iterations > self.settings.growth * self.baseline + 2:
+            self.factor_point = None  # renewed at the next evaluation
+        return solution.velocity
+
+    def factor(self, position: np.ndarray, tilt: float) -> None:
+        """Factorise the preconditioner from the scalars just assembled at `position`."""
+        self.near.precondition(self.settings.close_gap)
+        self.counters.factorisations += 1
+        self.factor_point = (position.copy(), tilt)
+
+    def _conjugate_gradient(self, load: np.ndarray, start: np.ndarray):
+        floor2 = self.number * VELOCITY_FLOOR**2
+        try:
+            solution = self.near.solve(load, start, self.settings.tolerance, floor2, self.settings.max_iterations)
+        except NumericalError as error:
+            raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
+        self.counters.iterations += solution.iterations
+        return solution
+
+    def stress(self, velocity: np.ndarray, rate: float) -> dict[str, np.ndarray]:
+        """Bulk stress (six components, eta0 Gamma) by part at the positions of the last evaluation."""
+        density = 6.0 * np.pi / self.scene.edge**3
+        strain_rate = rate * self.strain_rate
+        voigt = np.array([strain_rate[a, b] for a, b in COMPONENT_INDEX])
+        alone = self.number * self.scene.self_stresslet * voigt
+        pairs = self.near.stresslet(velocity, strain_rate) if self.near is not None else 0.0
+        return {
+            "fluid": 2.0 * voigt,
+            "hydrodynamic": density * (alone + pairs),
+            "interparticle": density * self.pair_stress,
+        }
+
+    def flow_driven_stress(self, rate: float, time: float) -> np.ndarray:
+        """The part of the hydrodynamic stress driven by the flow alone, at the positions of the last evaluation.
+
+        One more solve, for the velocities at unit rate without any non-hydrodynamic force.
+        """
+        if rate == 0.0 or self.near is None:
+            return self.stress(np.zeros((self.number, 6)), rate)["hydrodynamic"]
+        load = self.near.strain_loads(self.strain_rate)
+        start = self.flow_history.extrapolate(time, load.shape)
+        velocity = self._conjugate_gradient(load, start).velocity
+        self.flow_history.push(time, velocity)
+        return rate * self.stress(velocity, 1.0)["hydrodynamic"]

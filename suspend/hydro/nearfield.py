@@ -1,0 +1,166 @@
+"""Near-field resistance of a configuration: assembly, loads, velocity solve, stresslets.
+
+    (R_self + R_nf) U' = F_P + R_FE^nf : E          U' relative to the undisturbed flow
+    S = -R_SU^nf U' + (R_SE^self + R_SE^nf) : E     (Brady's sign), summed over the spheres
+
+R_nf = sum over pairs closer than the cutoff of [exact two-sphere resistance - inverse of the two-sphere FTS
+mobility] (Durlofsky, Brady & Bossis 1987). Internal units of `suspend.conventions`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from suspend.core.jit import parallel_kernel
+from suspend.core.pairs import (
+    STRIDE,
+    WIDTH,
+    ActivePairs,
+    PairTable,
+    assemble_rows,
+    evaluate_combined,
+    strain_loads_rows,
+    stresslet_rows,
+)
+from suspend.errors import NumericalError
+from suspend.hydro.rows import split_rows
+from suspend.hydro.table import load_table
+from suspend.solvers.conjugate_gradient import conjugate_gradient
+from suspend.solvers.incomplete import factorise
+
+_NAMES = ("XA", "YA", "YB", "XC", "YC", "XG", "YG", "YH", "XM", "YM", "ZM")
+
+
+def _combinations() -> np.ndarray:
+    """Matrix (16, 24) from the table's functions to the combined ones of `suspend.core.pairs.COMBINED`."""
+
+    def parity(name: str, sign: int) -> np.ndarray:
+        row = np.zeros(24)
+        first = 2 * _NAMES.index(name)
+        row[first], row[first + 1] = 1.0, sign
+        return row
+
+    rows = []
+    for tensor in ("A", "C"):
+        for sign in (1, -1):
+            rows += [0.5 * (parity("X" + tensor, sign) - parity("Y" + tensor, sign)), 0.5 * parity("Y" + tensor, sign)]
+    spin = [0.5 * parity("YB", 1), 0.5 * parity("YB", -1)]
+    strain = [parity("XG", -1), parity("YG", -1), parity("YH", 1), parity("XM", 1), parity("YM", 1), parity("ZM", 1)]
+    return np.array(rows[:4] + spin + rows[4:] + strain)
+
+
+def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0) -> PairTable:
+    """Combined functions for a cutoff (centre distance, radii) and what happens there.
+
+    at_cutoff : `hard` leaves the functions as they are, `shifted` subtracts their value at the cutoff, `tapered`
+    shifts and multiplies by a twice differentiable factor over the last tenth of the range.
+    """
+    table = load_table()
+    combine = _combinations()
+    coefficients = np.ascontiguousarray(np.einsum("cf,kdf->kdc", combine, table.coefficients))
+    singular = np.stack([combine @ table.g1, combine @ table.g2])
+    start = 2.0 + 0.9 * (cutoff - 2.0) if at_cutoff == "tapered" else cutoff
+    packed = PairTable(table.t0, table.inv_dt, coefficients, singular, cutoff, start, frozen)
+    if at_cutoff != "hard":
+        value = np.empty(WIDTH)
+        evaluate_combined(packed, cutoff - 2.0, value)
+        coefficients[:, 0, :] -= value
+    return packed
+
+
+@dataclass
+class Solution:
+    """Velocities (N, 6) relative to the undisturbed flow, and what they cost."""
+
+    velocity: np.ndarray
+    iterations: int
+    error: float  # estimated relative error, energy norm
+
+
+@parallel_kernel
+def _assemble(chunks, pairs, offset, position, edge, tilt, table, active, scalars):
+    smallest = np.full(chunks.shape[0] - 1, np.inf)
+    for t in numba.prange(chunks.shape[0] - 1):
+        smallest[t] = assemble_rows(
+            chunks[t], chunks[t + 1], pairs, offset, position, edge, tilt, table, active, scalars
+        )
+    return smallest.min()
+
+
+@parallel_kernel
+def _strain_loads(chunks, active, scalars, strain_rate, load):
+    partial = np.zeros((chunks.shape[0] - 1, load.shape[0], 6))
+    for t in numba.prange(chunks.shape[0] - 1):
+        strain_loads_rows(chunks[t], chunks[t + 1], active, scalars, strain_rate, partial[t])
+    for t in range(chunks.shape[0] - 1):
+        load += partial[t]
+
+
+@parallel_kernel
+def _stresslet(chunks, active, scalars, velocity, strain_rate):
+    partial = np.zeros((chunks.shape[0] - 1, 6))
+    for t in numba.prange(chunks.shape[0] - 1):
+        stresslet_rows(chunks[t], chunks[t + 1], active, scalars, velocity, strain_rate, partial[t])
+    return partial.sum(axis=0)
+
+
+class NearField:
+    """Near-field hydrodynamics of spheres with lubrication; `assemble` first, then loads, solve, stresslet.
+
+    Parameters
+    ----------
+    table : functions with cutoff, from `pair_table`
+    drag, rotational_drag : diagonal of R_self in units of 6 pi eta0 a^n (1 and 4/3; `identity`: 1 and 1)
+    self_stresslet : R_SE of a lone sphere (10/9; `identity`: 2)
+    threads : parts the spheres are cut into
+    """
+
+    def __init__(self, table: PairTable, drags: tuple[float, float], threads: int):
+        self.table, self.drags, self.threads = table, drags, threads
+        self.active = self.scalars = self.chunks = self.factor = None
+
+    def use_list(self, pairs: np.ndarray, offset: np.ndarray) -> None:
+        """Take a new neighbour list (`suspend.hydro.neighbours`); drops the preconditioner's arrays."""
+        self.pairs, self.offset = pairs, offset
+        self.chunks = split_rows(offset, self.threads)
+        number = offset.shape[0] - 1
+        self.active = ActivePairs(
+            np.zeros((number, 2), np.int64), np.empty(len(pairs), np.int32), np.empty(len(pairs))
+        )
+        self.scalars = np.empty((len(pairs), STRIDE))
+
+    def assemble(self, position: np.ndarray, edge: float, tilt: float) -> float:
+        """Scalars of all pairs at these positions; returns the smallest gap (inf without pairs)."""
+        return _assemble(
+            self.chunks, self.pairs, self.offset, position, edge, tilt, self.table, self.active, self.scalars
+        )
+
+    def strain_loads(self, strain_rate: np.ndarray) -> np.ndarray:
+        """R_FE : E, shape (N, 6)."""
+        load = np.zeros((self.offset.shape[0] - 1, 6))
+        _strain_loads(self.chunks, self.active, self.scalars, strain_rate, load)
+        return load
+
+    def precondition(self, below: float) -> None:
+        """New incomplete factorisation from the present scalars, pairs with gap < `below`."""
+        self.factor = factorise(self.active, self.scalars, below, self.chunks, *self.drags)
+
+    def solve(self, load, start, tolerance: float, floor2: float, limit: int) -> Solution:
+        """Velocities (N, 6) for `load` (N, 6), started from `start`; raises NumericalError at the limit."""
+        velocity = start.copy()
+        iterations, error = conjugate_gradient(
+            self.active, self.scalars, self.factor, self.chunks, load, velocity, self.drags, tolerance, floor2, limit
+        )
+        if not error <= tolerance:
+            raise NumericalError(
+                f"the velocity solve did not converge: estimated relative error {error:.3g} after {iterations} "
+                f"iterations, asked for {tolerance:.3g} (solver.tolerance, solver.max_iterations)"
+            )
+        return Solution(velocity, iterations, error)
+
+    def stresslet(self, velocity: np.ndarray, strain_rate: np.ndarray) -> np.ndarray:
+        """Sum over the spheres of -R_SU^nf velocity + R_SE^nf : E, six components."""
+        return _stresslet(self.chunks, self.active, self.scalars, velocity, strain_rate)

@@ -1,0 +1,189 @@
+"""Motion through one cycle: adaptive steps that land on, or interpolate at, the phases asked for.
+
+A sample is either landed on (the step is cut to end there and the velocity at its end is the sample's) or
+interpolated (cubic Hermite, third order, one more evaluation). Which costs fewer evaluations depends on the step
+size the accuracy allows; it is decided anew at every step. The cycle's end is always landed on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspend.box import flip, flips_of, wrap
+from suspend.dynamics import Overlap, Suspension
+from suspend.errors import NumericalError
+from suspend.flow import Flow
+from suspend.integrators import Controller, Method, Step, interpolate, take_step
+
+
+@dataclass
+class State:
+    """Everything that moves, at `time` within `cycle`; positions (N, 3) at tilt = strain - flips."""
+
+    position: np.ndarray
+    image: np.ndarray  # (N, 3) int32
+    velocity: np.ndarray  # (N, 6), relative to the undisturbed flow
+    cycle: int
+    time: float
+    flips: int
+    size: float  # next step
+    size_memory: float  # of the controller
+
+
+@dataclass(frozen=True)
+class StepSettings:
+    """Accuracy and limits of the steps; `fixed` = constant step size."""
+
+    tolerance: float
+    fixed: float | None = None
+    max_step: float = 0.1
+    min_step: float = 1e-9
+    max_evaluations: int | None = None
+
+
+class Motion:
+    """Advances a `State` through a flow; calls back at every event (a sample or frame phase)."""
+
+    def __init__(self, suspension: Suspension, flow: Flow, method: Method, settings: StepSettings):
+        self.suspension, self.flow, self.method, self.settings = suspension, flow, method, settings
+        self.controller = Controller(settings.tolerance, method.order)
+        self.position_error = 0.0  # sum of the estimates since the start of the cycle
+        self.evaluations_before = 0  # in earlier cycles
+
+    def strain(self, state: State, time: float) -> float:
+        """Strain at `time` within the state's cycle."""
+        return self.flow.strain(state.cycle, time)
+
+    def evaluate(self, state: State, position: np.ndarray, time: float) -> np.ndarray:
+        """Velocities (N, 6) at trial positions, in the frame of the state."""
+        strain = self.strain(state, time)
+        rate, elapsed = self.flow.rate(state.cycle, time), self.flow.elapsed(state.cycle, time)
+        return self.suspension.evaluate(position, strain, strain - state.flips, rate, elapsed)
+
+    def begin_cycle(self, state: State) -> None:
+        """Bring spheres and tilt back into the cell, renew the neighbour list, evaluate the velocities."""
+        if state.cycle > 0:
+            self._forget_if_rate_jumps(state)
+        strain = self.strain(state, state.time)
+        flips = flips_of(strain)
+        flip(state.image, flips - state.flips)
+        state.flips = flips
+        wrap(state.position, state.image, self.suspension.scene.edge, strain - flips)
+        if self.suspension.list is not None:
+            self.suspension.renew(state.position, strain, strain - flips)
+        self.position_error = 0.0
+        state.velocity = self.evaluate(state, state.position, state.time)
+
+    def _forget_if_rate_jumps(self, state: State) -> None:
+        before = self.flow.rate(state.cycle - 1, self.flow.period(state.cycle - 1))
+        if abs(before - self.flow.rate(state.cycle, 0.0)) > 1e-9:
+            self.suspension.history.times.clear()
+            self.suspension.history.values.clear()
+
+    def advance(self, state: State, events: list[float], visit) -> None:
+        """One accepted step; visit(time, position, velocity) at each of the coming `events` it reaches.
+
+        events : times within the cycle still to come, ascending; the last is the cycle's end. Reached ones are
+        removed. Raises NumericalError if no step is small enough.
+        """
+        size, landing = self._choose(state, events)
+        while True:
+            trial, retry = self._try(state, size)
+            if trial is not None:
+                break
+            if self.settings.fixed is not None:
+                raise NumericalError(self._stuck(state, size, "spheres overlap at the fixed step (integrator.step)"))
+            if retry < self.settings.min_step:
+                raise NumericalError(self._stuck(state, size, "every trial step overlaps or misses the tolerance"))
+            size, landing = retry, False
+        self._accept(state, trial, events[0] if landing else state.time + size, events, visit)
+
+    def _choose(self, state: State, events: list[float]) -> tuple[float, bool]:
+        """Step size, and whether the step ends on the next event."""
+        ahead = events[0] - state.time
+        if self.settings.fixed is not None:
+            parts = math.ceil(ahead / self.settings.fixed - 1e-9)
+            return ahead / parts, parts == 1
+        size = min(state.size, self.settings.max_step)
+        if not self._landing_pays(ahead, size) and len(events) > 1:
+            ahead = events[-1] - state.time
+            if ahead > size:  # do not leave a sliver at the cycle's end
+                return ahead / math.ceil(ahead / size) if ahead < 2.0 * size else size, False
+            return ahead, False
+        parts = math.ceil(ahead / size - 1e-9)
+        return ahead / parts, parts == 1
+
+    def _landing_pays(self, ahead: float, size: float) -> bool:
+        """Whether cutting steps to end on events `ahead` apart costs fewer evaluations than interpolating."""
+        if not self.method.dense:
+            return True
+        stages = len(self.method.nodes)
+        return stages * math.ceil(ahead / size - 1e-9) / ahead <= stages / size + 1.0 / ahead
+
+    def _try(self, state: State, size: float) -> tuple[Step | None, float]:
+        """A trial step of `size` and, if it is rejected (None), the size to try next; no trace is left then."""
+        counters, suspension = self.suspension.counters, self.suspension
+        self._check_budget(state)
+        history = suspension.history.copy()
+        try:
+            step = take_step(
+                self.method,
+                lambda position, time: self.evaluate(state, position, time),
+                lambda time: self.strain(state, time),
+                state.position,
+                state.velocity,
+                state.time,
+                size,
+            )
+        except Overlap:
+            counters.rejected_overlap += 1
+            suspension.history = history
+            return None, 0.5 * size
+        if step.error is None or self.settings.fixed is not None:
+            return step, size
+        accepted = step.error <= self.settings.tolerance * size
+        proposal = size * self.controller.factor(step.error / size, accepted)
+        if accepted:  # a step cut short says little about much longer ones
+            state.size = min(proposal, 2.0 * state.size)
+            return step, size
+        counters.rejected_error += 1
+        suspension.history = history
+        return None, proposal
+
+    def _accept(self, state: State, step: Step, end: float, events: list[float], visit) -> None:
+        start = (state.time, state.position, state.velocity)
+        if abs(end - events[-1]) < 1e-12 * max(1.0, events[-1]):
+            end = events[-1]
+        while events and events[0] < end - 1e-12 * max(1.0, end):
+            time = events.pop(0)
+            fraction = (time - start[0]) / (end - start[0])
+            position = interpolate(
+                lambda t: self.strain(state, t), start, (end, step.position, step.velocity), fraction
+            )
+            visit(time, position, self.evaluate(state, position, time))
+        state.position, state.velocity, state.time = step.position, step.velocity, end
+        self.suspension.counters.steps += 1
+        self.position_error += step.error or 0.0
+        if events and events[0] <= end + 1e-12 * max(1.0, end):
+            visit(events.pop(0), state.position, state.velocity)
+
+    def _check_budget(self, state: State) -> None:
+        limit = self.settings.max_evaluations
+        done = self.evaluations_before + self.suspension.counters.evaluations
+        if limit is not None and done >= limit:
+            raise NumericalError(
+                f"{done} velocity evaluations used, the limit is {limit} (integrator.max_evaluations), "
+                f"at strain {self.flow.accumulated(state.cycle, state.time):.6g}"
+            )
+
+    def _stuck(self, state: State, size: float, why: str) -> str:
+        counters = self.suspension.counters
+        return (
+            f"{why}: step {size:.3g} at cycle {state.cycle}, total strain "
+            f"{self.flow.accumulated(state.cycle, state.time):.6g}; smallest gap {counters.minimum_gap:.3g} a, "
+            f"{counters.rejected_overlap} overlaps and {counters.rejected_error} error rejections in this cycle. "
+            "Lower integrator.tolerance or integrator.min_step, or set lubrication.minimum_gap"
+        )

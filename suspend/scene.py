@@ -1,0 +1,75 @@
+"""From a configuration to the objects of a run: only what the scene needs is built."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from suspend.box import edge_length
+from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
+from suspend.dynamics import Scene, SolverSettings, Suspension
+from suspend.forces import pair_force
+
+THREADED_FROM = 2000  # spheres from which a second thread pays (benchmarks/bench_evaluation.py)
+
+
+@dataclass(frozen=True)
+class Units:
+    """Scales of the configuration's units: length a, rate Gamma, viscosity eta0."""
+
+    length: float
+    rate: float
+    viscosity: float
+
+    @property
+    def stress(self) -> float:
+        """Stress scale eta0 Gamma."""
+        return self.viscosity * self.rate
+
+    @property
+    def time(self) -> float:
+        """Time scale 1 / Gamma."""
+        return 1.0 / self.rate
+
+
+def make_units(config) -> Units:
+    """Scales from `suspend.config.Config`."""
+    from suspend.flow import rate_scale
+
+    return Units(config.particles.radius, rate_scale(config), config.fluid.viscosity)
+
+
+def make_scene(config) -> Scene:
+    """Forces, resistance functions and self terms of a configuration."""
+    table = None
+    if config.lubrication.enabled:
+        from suspend.hydro.nearfield import pair_table
+
+        lubrication = config.lubrication
+        table = pair_table(lubrication.cutoff, lubrication.at_cutoff, lubrication.minimum_gap)
+    identity = config.far_field == "identity"
+    external = np.zeros(6)
+    if config.external is not None:
+        external[:3], external[3:] = config.external.force, config.external.torque
+    return Scene(
+        edge=edge_length(config.particles.number, config.particles.volume_fraction),
+        table=table,
+        drags=(1.0, 1.0 if identity else ROTATIONAL_DRAG),
+        self_stresslet=2.0 if identity else SELF_STRESSLET,
+        force=pair_force(config.repulsion, config.contact),
+        external=external,
+        sheared=config.flow.type != "quiescent",
+    )
+
+
+def threads_used(number: int, threads: int) -> int:
+    """Threads a scene of `number` spheres is cut into."""
+    return threads if number >= THREADED_FROM else 1
+
+
+def make_suspension(config, threads: int) -> Suspension:
+    """The velocity field of a configuration."""
+    settings = SolverSettings(tolerance=config.solver.tolerance, max_iterations=config.solver.max_iterations)
+    number = config.particles.number
+    return Suspension(make_scene(config), settings, number, threads_used(number, threads))
