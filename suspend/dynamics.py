@@ -13,10 +13,10 @@ import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX
 from suspend.errors import NumericalError
-from suspend.forces import PairForce, interaction_range, pair_forces
+from suspend.forces import PairForce, interaction_range, pair_forces, stress_per_sphere
 from suspend.hydro.neighbours import VerletList
 
-HISTORY = 4  # earlier velocities from which the solve's start is extrapolated
+HISTORY = 3  # earlier velocities from which the solve's start is extrapolated
 VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
 
 
@@ -39,6 +39,7 @@ class Scene:
     force: PairForce
     external: np.ndarray  # (6,) force and torque on every sphere
     sheared: bool
+    odd_table: object | None = None  # for the stress of every sphere, where it is wanted
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class SolverSettings:
 
     tolerance: float = 1e-5
     max_iterations: int = 2000
-    close_gap: float = 0.5  # pairs below it enter the incomplete factorisation
+    close_gap: float = 0.2  # pairs below it enter the incomplete factorisation
     growth: float = 1.3  # refactorise when the iterations have grown by this factor
     skin: float = 0.6
 
@@ -149,7 +150,7 @@ class Suspension:
             if gap <= 0.0 and self.scene.table.frozen <= 0.0:
                 raise Overlap(gap)
             self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
-        self.pair_stress = np.zeros(6)
+        self.pair_stress, self.overlaps = np.zeros(6), 0
         if self.force_range > 0.0:
             self._add_pair_forces(position, tilt, load)
         if self.near is None:
@@ -222,3 +223,18 @@ class Suspension:
         velocity = self._conjugate_gradient(load, start).velocity
         self.flow_history.push(time, velocity)
         return rate * self.stress(velocity, 1.0)["hydrodynamic"]
+
+    def stress_per_sphere(self, position: np.ndarray, tilt: float, velocity: np.ndarray, rate: float) -> np.ndarray:
+        """Stress of each sphere (N, 6), hydrodynamic and interparticle; its sum is the bulk stress without fluid."""
+        strain_rate = rate * self.strain_rate
+        voigt = np.array([strain_rate[a, b] for a, b in COMPONENT_INDEX])
+        each = np.tile(self.scene.self_stresslet * voigt, (self.number, 1))
+        if self.near is not None:
+            each += self.near.stresslet_of_each(
+                self.scene.odd_table, position, self.scene.edge, tilt, velocity, strain_rate
+            )
+        if self.force_range > 0.0:
+            each += stress_per_sphere(
+                self.list.pairs, self.list.offset, position, self.scene.edge, tilt, self.scene.force, self.force_range
+            )
+        return 6.0 * np.pi / self.scene.edge**3 * each

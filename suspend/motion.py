@@ -21,7 +21,7 @@ from suspend.integrators import Controller, Method, Step, interpolate, take_step
 
 @dataclass
 class State:
-    """Everything that moves, at `time` within `cycle`; positions (N, 3) at tilt = strain - flips."""
+    """Everything that moves, at `time` within `cycle`; positions (N, 3) at tilt = strain + offset - flips."""
 
     position: np.ndarray
     image: np.ndarray  # (N, 3) int32
@@ -30,7 +30,7 @@ class State:
     time: float
     flips: int
     size: float  # next step
-    size_memory: float  # of the controller
+    offset: float = 0.0  # tilt minus strain at the start: the starting cell may be sheared, the phase not 0
 
 
 @dataclass(frozen=True)
@@ -57,23 +57,28 @@ class Motion:
         """Strain at `time` within the state's cycle."""
         return self.flow.strain(state.cycle, time)
 
+    def tilt(self, state: State, time: float) -> float:
+        """Tilt of the cell that the state's positions and images refer to."""
+        return self.strain(state, time) + state.offset - state.flips
+
     def evaluate(self, state: State, position: np.ndarray, time: float) -> np.ndarray:
         """Velocities (N, 6) at trial positions, in the frame of the state."""
         strain = self.strain(state, time)
         rate, elapsed = self.flow.rate(state.cycle, time), self.flow.elapsed(state.cycle, time)
-        return self.suspension.evaluate(position, strain, strain - state.flips, rate, elapsed)
+        return self.suspension.evaluate(position, strain, self.tilt(state, time), rate, elapsed)
 
     def begin_cycle(self, state: State) -> None:
         """Bring spheres and tilt back into the cell, renew the neighbour list, evaluate the velocities."""
         if state.cycle > 0:
             self._forget_if_rate_jumps(state)
         strain = self.strain(state, state.time)
-        flips = flips_of(strain)
+        flips = flips_of(strain + state.offset)
         flip(state.image, flips - state.flips)
         state.flips = flips
-        wrap(state.position, state.image, self.suspension.scene.edge, strain - flips)
+        tilt = self.tilt(state, state.time)
+        wrap(state.position, state.image, self.suspension.scene.edge, tilt)
         if self.suspension.list is not None:
-            self.suspension.renew(state.position, strain, strain - flips)
+            self.suspension.renew(state.position, strain, tilt)
         self.position_error = 0.0
         state.velocity = self.evaluate(state, state.position, state.time)
 

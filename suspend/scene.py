@@ -40,26 +40,29 @@ def make_units(config) -> Units:
     return Units(config.particles.radius, rate_scale(config), config.fluid.viscosity)
 
 
-def make_scene(config) -> Scene:
-    """Forces, resistance functions and self terms of a configuration."""
-    table = None
+def make_scene(config, edge: float | None = None) -> Scene:
+    """Forces, resistance functions and self terms; `edge` L in radii, from phi unless a file gave it."""
+    table = odd_table = None
     if config.lubrication.enabled:
         from suspend.hydro.nearfield import pair_table
 
         lubrication = config.lubrication
-        table = pair_table(lubrication.cutoff, lubrication.at_cutoff, lubrication.minimum_gap)
+        law = (lubrication.cutoff, lubrication.at_cutoff, lubrication.minimum_gap)
+        table = pair_table(*law)
+        odd_table = pair_table(*law, odd=True) if config.output.particle_stress else None
     identity = config.far_field == "identity"
     external = np.zeros(6)
     if config.external is not None:
         external[:3], external[3:] = config.external.force, config.external.torque
     return Scene(
-        edge=edge_length(config.particles.number, config.particles.volume_fraction),
+        edge=edge or edge_length(config.particles.number, config.particles.volume_fraction),
         table=table,
         drags=(1.0, 1.0 if identity else ROTATIONAL_DRAG),
         self_stresslet=2.0 if identity else SELF_STRESSLET,
         force=pair_force(config.repulsion, config.contact),
         external=external,
         sheared=config.flow.type != "quiescent",
+        odd_table=odd_table,
     )
 
 
@@ -68,8 +71,8 @@ def threads_used(number: int, threads: int) -> int:
     return threads if number >= THREADED_FROM else 1
 
 
-def make_suspension(config, threads: int) -> Suspension:
+def make_suspension(config, threads: int, edge: float | None = None) -> Suspension:
     """The velocity field of a configuration."""
     settings = SolverSettings(tolerance=config.solver.tolerance, max_iterations=config.solver.max_iterations)
     number = config.particles.number
-    return Suspension(make_scene(config), settings, number, threads_used(number, threads))
+    return Suspension(make_scene(config, edge), settings, number, threads_used(number, threads))

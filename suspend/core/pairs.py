@@ -287,3 +287,26 @@ def stresslet_rows(first, last, active, scalars, velocity, strain_rate, total):
     for i in range(first, last):
         for p in range(active.row[i, 0], active.row[i, 1]):
             add_pair_stresslet(scalars, p, velocity[i], velocity[active.other[p]], strain_rate, total)
+
+
+@kernel
+def stresslet_of_each(active, scalars, difference, velocity, strain_rate, each):
+    """Add every sphere's pair stresslets to `each` (N, 6): S_i, S_j = half the sum plus, minus half the difference.
+
+    `difference` are scalars with XG+, YG+, YH- in the places of XG-, YG-, YH+: the difference S_i - S_j is the formula
+    of the sum with these and with sphere j's velocity reversed.
+    """
+    total, odd = np.empty(6), np.empty(6)
+    reversed_velocity = np.empty(6)
+    still = np.zeros((3, 3))
+    for i in range(active.row.shape[0]):
+        for p in range(active.row[i, 0], active.row[i, 1]):
+            j = active.other[p]
+            total[:], odd[:] = 0.0, 0.0
+            for c in range(6):
+                reversed_velocity[c] = -velocity[j, c]
+            add_pair_stresslet(scalars, p, velocity[i], velocity[j], strain_rate, total)
+            add_pair_stresslet(difference, p, velocity[i], reversed_velocity, still, odd)
+            for c in range(6):
+                each[i, c] += 0.5 * (total[c] + odd[c])
+                each[j, c] += 0.5 * (total[c] - odd[c])

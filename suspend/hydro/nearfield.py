@@ -23,43 +23,54 @@ from suspend.core.pairs import (
     assemble_rows,
     evaluate_combined,
     strain_loads_rows,
+    stresslet_of_each,
     stresslet_rows,
 )
-from suspend.errors import NumericalError
+from suspend.errors import ConfigurationError, NumericalError
 from suspend.hydro.rows import split_rows
-from suspend.hydro.table import load_table
+from suspend.hydro.table import largest_gap, load_table
 from suspend.solvers.conjugate_gradient import conjugate_gradient
 from suspend.solvers.incomplete import factorise
 
 _NAMES = ("XA", "YA", "YB", "XC", "YC", "XG", "YG", "YH", "XM", "YM", "ZM")
 
 
-def _combinations() -> np.ndarray:
-    """Matrix (16, 24) from the table's functions to the combined ones of `suspend.core.pairs.COMBINED`."""
+def _combinations(odd: bool) -> np.ndarray:
+    """Matrix (16, 24) from the table's functions to the combined ones of `suspend.core.pairs.COMBINED`.
 
-    def parity(name: str, sign: int) -> np.ndarray:
+    odd : with XG+, YG+, YH- in the places of XG-, YG-, YH+ (for the difference of a pair's stresslets).
+    """
+    sign = -1 if odd else 1
+
+    def parity(name: str, other: int) -> np.ndarray:
         row = np.zeros(24)
         first = 2 * _NAMES.index(name)
-        row[first], row[first + 1] = 1.0, sign
+        row[first], row[first + 1] = 1.0, other
         return row
 
     rows = []
     for tensor in ("A", "C"):
-        for sign in (1, -1):
-            rows += [0.5 * (parity("X" + tensor, sign) - parity("Y" + tensor, sign)), 0.5 * parity("Y" + tensor, sign)]
+        for other in (1, -1):
+            x, y = parity("X" + tensor, other), parity("Y" + tensor, other)
+            rows += [0.5 * (x - y), 0.5 * y]
     spin = [0.5 * parity("YB", 1), 0.5 * parity("YB", -1)]
-    strain = [parity("XG", -1), parity("YG", -1), parity("YH", 1), parity("XM", 1), parity("YM", 1), parity("ZM", 1)]
+    strain = [parity("XG", -sign), parity("YG", -sign), parity("YH", sign), parity("XM", 1), parity("YM", 1), parity("ZM", 1)]
     return np.array(rows[:4] + spin + rows[4:] + strain)
 
 
-def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0) -> PairTable:
+def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0, odd: bool = False) -> PairTable:
     """Combined functions for a cutoff (centre distance, radii) and what happens there.
 
     at_cutoff : `hard` leaves the functions as they are, `shifted` subtracts their value at the cutoff, `tapered`
-    shifts and multiplies by a twice differentiable factor over the last tenth of the range.
+    shifts and multiplies by a twice differentiable factor over the last tenth of the range. odd : see
+    `_combinations`.
     """
     table = load_table()
-    combine = _combinations()
+    if not 2.0 < cutoff <= 2.0 + largest_gap(table) + 1e-12:
+        raise ConfigurationError(
+            f"lubrication.cutoff: {cutoff:g} radii; the two-sphere table covers 2 < cutoff <= {2 + largest_gap(table):g}"
+        )
+    combine = _combinations(odd)
     coefficients = np.ascontiguousarray(np.einsum("cf,kdf->kdc", combine, table.coefficients))
     singular = np.stack([combine @ table.g1, combine @ table.g2])
     start = 2.0 + 0.9 * (cutoff - 2.0) if at_cutoff == "tapered" else cutoff
@@ -164,3 +175,12 @@ class NearField:
     def stresslet(self, velocity: np.ndarray, strain_rate: np.ndarray) -> np.ndarray:
         """Sum over the spheres of -R_SU^nf velocity + R_SE^nf : E, six components."""
         return _stresslet(self.chunks, self.active, self.scalars, velocity, strain_rate)
+
+    def stresslet_of_each(self, odd: PairTable, position, edge, tilt, velocity, strain_rate) -> np.ndarray:
+        """The same for every sphere, (N, 6); `odd` is `pair_table(..., odd=True)` of the same cutoff."""
+        difference = np.empty_like(self.scalars)
+        active = ActivePairs(*(np.empty_like(array) for array in self.active))
+        _assemble(self.chunks, self.pairs, self.offset, position, edge, tilt, odd, active, difference)
+        each = np.zeros((len(position), 6))
+        stresslet_of_each(self.active, self.scalars, difference, velocity, strain_rate, each)
+        return each

@@ -1,0 +1,91 @@
+"""What a run will do: which terms are on and why, memory, time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from suspend.box import edge_length
+from suspend.flow import Flow, make_flow
+from suspend.forces import interaction_range, pair_force
+
+# measured at N = 500, phi = 0.40, cutoff 4 a (benchmarks/bench_evaluation.py, one core)
+SECONDS_PER_PAIR = 2.8e-7  # and velocity evaluation
+EVALUATIONS_PER_STRAIN = 90.0  # at integrator.tolerance 1e-3
+BYTES_PER_PAIR = 400
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Terms, sizes and estimates of a run."""
+
+    terms: list[tuple[str, str]]
+    figures: dict
+
+    def lines(self) -> list[str]:
+        """Text, one line an entry."""
+        width = max(len(name) for name, _ in self.terms) + 2
+        return [f"{name.ljust(width)}{text}" for name, text in self.terms]
+
+    def as_dict(self) -> dict:
+        """The same for scripts."""
+        return {"terms": dict(self.terms), **self.figures}
+
+
+def make_plan(config) -> Plan:
+    """Plan of a configuration (`suspend.config.Config`)."""
+    particles, lubrication, flow = config.particles, config.lubrication, make_flow(config)
+    edge = edge_length(particles.number, particles.volume_fraction)
+    reach = interaction_range(pair_force(config.repulsion, config.contact))
+    figures = _estimates(config, flow, edge, max(reach, lubrication.cutoff if lubrication.enabled else 0.0))
+    terms = [
+        ("spheres", f"{particles.number} at volume fraction {particles.volume_fraction:g}, cell edge {edge:.6g} a"),
+        ("flow", _flow_text(config, flow)),
+        ("far field", "self: own drag and stresslet only; no grid, no FFT" if config.far_field == "self" else
+         "identity: as the authors' code (rotational drag x 3/4, stresslet x 9/5)"),
+        ("lubrication", f"on: pairs closer than {lubrication.cutoff:g} a, {lubrication.at_cutoff} at the cutoff"
+         + (f", frozen below {lubrication.minimum_gap:g} a" if lubrication.minimum_gap else "")
+         if lubrication.enabled else "off (lubrication.enabled: false): no table, no linear system"),
+        ("repulsion", f"on: {config.repulsion.force:g} F_stk, Debye length {config.repulsion.debye_length:g} a, "
+         f"up to centre distance {reach:.4g} a" if config.repulsion is not None and config.repulsion.force > 0
+         else "off: no force loop"),
+        ("contact", f"on: spring {config.contact.stiffness:g} F_stk/a" if config.contact is not None else "off"),
+        ("external", f"force {config.external.force}, torque {config.external.torque}"
+         if config.external is not None else "off"),
+        ("start", "random packing" if particles.initial == "random" else str(particles.initial)),
+        ("steps", f"{config.integrator.method}, tolerance {config.integrator.tolerance:g}"
+         if config.integrator.step is None else f"{config.integrator.method}, fixed {config.integrator.step:g}"),
+        ("velocity solve", f"tolerance {config.solver.tolerance:g}"),
+        ("samples", f"{config.output.samples_per_cycle} a cycle" + (
+            ", stress of every sphere" if config.output.particle_stress else "")),
+        ("memory", f"about {figures['memory_MB']:.0f} MB"),
+        ("time", f"about {figures['seconds']:.0f} s on one core (a guess from N and phi)"),
+    ]  # fmt: skip
+    return Plan(terms, figures)
+
+
+def _flow_text(config, flow: Flow) -> str:
+    end = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
+    if config.flow.type == "oscillatory":
+        text = f"oscillatory, gamma0 {config.flow.amplitude:g}, {flow.cycles} cycles, total strain {end:g}"
+        asked = config.duration.strain
+        return text + (f" (whole cycles for {asked:g})" if asked is not None and abs(asked - end) > 1e-6 else "")
+    return f"{config.flow.type}, total strain (time x rate) {end:g} in {flow.cycles} blocks"
+
+
+def _estimates(config, flow: Flow, edge: float, reach: float) -> dict:
+    number = config.particles.number
+    pairs = 0.5 * number * number / edge**3 * 4.19 * max(reach**3 - 8.0, 0.0) if reach else 0.0
+    strain = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
+    evaluations = strain * EVALUATIONS_PER_STRAIN * (1e-3 / config.integrator.tolerance) ** 0.4
+    evaluations += flow.cycles * config.output.samples_per_cycle * 0.3
+    sphere_stress = 48 * number * config.output.samples_per_cycle if config.output.particle_stress else 0
+    return {
+        "number": number,
+        "cell_edge": edge,
+        "cycles": flow.cycles,
+        "total_strain": strain,
+        "pairs": round(pairs),
+        "memory_MB": 120 + (BYTES_PER_PAIR * 1.5 * pairs + 3000 * number + 3 * sphere_stress) / 1e6,
+        "evaluations": round(evaluations),
+        "seconds": evaluations * (pairs * SECONDS_PER_PAIR + 1e-4),
+    }
