@@ -1,0 +1,49 @@
+# make demo: install into .venv, run the quick demo, analyse it     make test: the tests and the checks of style
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+RUN := demo-run
+SOURCES := pyproject.toml $(shell find suspend cli -name '*.py' -o -path 'suspend/data/*' -type f -not -name '*.pyc')
+
+# An inherited PYTHONPATH would let the tests see another copy of the package than the installed one.
+unexport PYTHONPATH PYTHONHOME
+
+.DELETE_ON_ERROR:
+.PHONY: demo test long lint clean
+
+demo: $(VENV)/.installed
+	$(BIN)/suspend run configs/demo.yaml --output $(RUN)
+	$(BIN)/suspend analyze $(RUN) --plot $(RUN)/first_figure.png
+	@echo "Figure: $(RUN)/first_figure.png"
+
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q
+	$(MAKE) --no-print-directory lint
+
+long: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -q -m long
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/lint-imports
+	$(BIN)/interrogate suspend cli
+
+clean:
+	rm -rf $(VENV) $(RUN) build dist suspend.egg-info .pytest_cache .ruff_cache .import_linter_cache
+	find suspend cli tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; v = sys.version_info; v >= (3, 11) or sys.exit(f"suspend needs Python 3.11 or newer; $(PYTHON) is {v[0]}.{v[1]}: make PYTHON=python3.11 ...")'
+	rm -rf $(VENV)
+	$(PYTHON) -m venv $(VENV)
+
+# Once the editable installation is there it shows every change of the sources, and must not be replaced by a copy.
+# `build` goes first: setuptools would pack the modules that an earlier build left there.
+$(VENV)/.installed: $(SOURCES) | $(BIN)/python
+	rm -rf build
+	test -e $(VENV)/.installed-dev || $(BIN)/python -m pip install --quiet .
+	touch $@
+
+$(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	touch $@
