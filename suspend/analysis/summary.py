@@ -228,6 +228,7 @@ def _cost(run: Run) -> dict[str, float]:
     """Solver statistics of all cycles: totals of counts, extremes of gaps and error estimates."""
     reduce = {"minimum_gap": np.min, "position_error": np.max}
     columns = run.statistics() if run.stored else {}
+    columns.pop("d_cyc", None)  # a result, not a cost
     return {name: reduce.get(name, np.sum)(column).item() for name, column in columns.items() if len(column)}
 
 

@@ -289,7 +289,7 @@ class Integrator:
         "number",
         "position error (rms) per unit of strain that steps are chosen for",
         unit="radii/strain",
-        default=1e-4,
+        default=1e-3,
         least=1e-13,
         most=0.1,
     )
