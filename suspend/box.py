@@ -1,7 +1,7 @@
 """The sheared periodic cell: wrapping of positions and tilt, images, unwrapped positions.
 
-The cell has vectors a1 = (L,0,0), a2 = (tilt L, L, 0), a3 = (0,0,L). The strain gamma and the tilt differ by a whole
-number of flips, tilt = gamma - flips; any two tilts that differ by an integer span the same lattice.
+The cell has vectors a1 = (L,0,0), a2 = (tilt L, L, 0), a3 = (0,0,L). The strain gamma and the tilt differ by
+a whole number of flips, tilt = gamma - flips; any two tilts that differ by an integer span the same lattice.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Velocities of all spheres as a function of positions and flow: one evaluation from top to bottom.
 
-neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity solve.
-Only what the scene needs is built: without lubrication no table is loaded and no solve is made, without any pair
-interaction there is no neighbour list. Internal units of `suspend.conventions`.
+neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity
+solve. Only what the scene needs is built: without lubrication no table is loaded and no solve is made,
+without any pair interaction there is no neighbour list. Internal units of `suspend.conventions`.
 """
 
 from __future__ import annotations

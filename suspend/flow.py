@@ -1,8 +1,8 @@
 """Flow protocols: strain and rate as functions of the cycle and the time within it.
 
-Time is in units of 1/Gamma. Time within a cycle runs from 0 to `period`, so that a protocol repeats exactly, whatever
-the number of cycles. Non-periodic protocols are cut into output blocks of about one unit of strain, which play the
-part of cycles; a shear reversal is always the start of a block.
+Time is in units of 1/Gamma. Time within a cycle runs from 0 to `period`, so that a protocol repeats exactly,
+whatever the number of cycles. Non-periodic protocols are cut into output blocks of about one unit of strain,
+which play the part of cycles; a shear reversal is always the start of a block.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ class Oscillatory:
 class Steps:
     """Piecewise constant rate: `pre` units of strain at `rate_before`, then `rate_after`, in equal blocks.
 
-    Steady shear has pre = 0 and rate_after = 1; a reversal has rate_before = 1 and rate_after = -1; a quiescent
-    fluid has rate 0 throughout, with time in place of strain.
+    Steady shear has pre = 0 and rate_after = 1; a reversal has rate_before = 1 and rate_after = -1; a
+    quiescent fluid has rate 0 throughout, with time in place of strain.
     """
 
     total: float

@@ -1,9 +1,9 @@
 """Forces between spheres that are not hydrodynamic: repulsion, contact; with their stress.
 
-Repulsion of a pair at surface gap h (paper, Sec. II): F0 exp(-kappa h) along the line of centres. The authors' code
-evaluates it at h - shift, and beyond h = shift holds it at F0 and adds a linear spring; that is what `gap_shift` and
-`contact` are for. For h <= 0 the literal law goes on growing, F0 exp(kappa |h|); whether such a configuration can
-occur at all is decided by the lubrication (`suspend.dynamics`). Units: F_stk, radii.
+Repulsion of a pair at surface gap h (paper, Sec. II): F0 exp(-kappa h) along the line of centres. The
+authors' code evaluates it at h - shift, and beyond h = shift holds it at F0 and adds a linear spring; that is
+what `gap_shift` and `contact` are for. For h <= 0 the literal law goes on growing, F0 exp(kappa |h|); whether
+such a configuration can occur at all is decided by the lubrication (`suspend.dynamics`). Units: F_stk, radii.
 """
 
 from __future__ import annotations
@@ -102,8 +102,8 @@ def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, 
 def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
     """Add the pair forces within centre distance `reach` to `load` (N, 6).
 
-    Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a; smallest gap
-    within `reach`; number of overlapping pairs).
+    Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a;
+    smallest gap within `reach`; number of overlapping pairs).
     """
     threads = chunks.shape[0] - 1
     partial = np.zeros((threads, load.shape[0], 6))

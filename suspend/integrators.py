@@ -1,8 +1,9 @@
 """Explicit Runge-Kutta steps with error estimate, in coordinates that move with the affine flow.
 
-During a step from strain g0, X = x - (g - g0) y e_x; then dX/dt = U' - (g - g0) U'_y e_x, with U' relative to the
-undisturbed flow: the affine motion is exact and the error is that of the particles' own motion. All methods end their
-step with an evaluation at the new positions (first same as last), which the stress sample at that point uses too.
+During a step from strain g0, X = x - (g - g0) y e_x; then dX/dt = U' - (g - g0) U'_y e_x, with U' relative to
+the undisturbed flow: the affine motion is exact and the error is that of the particles' own motion. All
+methods end their step with an evaluation at the new positions (first same as last), which the stress sample
+at that point uses too.
 
 bogacki-shampine : order 3, estimate of order 2 (Bogacki & Shampine 1989), 3 evaluations a step
 tsitouras        : order 5, estimate of order 4 (Tsitouras 2011), 6 evaluations a step
@@ -76,7 +77,8 @@ def take_step(method: Method, evaluate, strain, position, velocity, time: float,
     """One trial step of `size` from `time`.
 
     evaluate(position, time) -> (N, 6) velocities relative to the undisturbed flow; strain(time) -> gamma;
-    position (N, 3) and velocity (N, 6) at `time`. Exceptions of `evaluate` pass through and change nothing here.
+    position (N, 3) and velocity (N, 6) at `time`. Exceptions of `evaluate` pass through and change nothing
+    here.
     """
     base = strain(time)
 

@@ -1,8 +1,8 @@
 """Motion through one cycle: adaptive steps that land on, or interpolate at, the phases asked for.
 
 A sample is either landed on (the step is cut to end there and the velocity at its end is the sample's) or
-interpolated (cubic Hermite, third order, one more evaluation). Which costs fewer evaluations depends on the step
-size the accuracy allows; it is decided anew at every step. The cycle's end is always landed on.
+interpolated (cubic Hermite, third order, one more evaluation). Which costs fewer evaluations depends on the
+step size the accuracy allows; it is decided anew at every step. The cycle's end is always landed on.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ class Motion:
     def advance(self, state: State, events: list[float], visit) -> None:
         """One accepted step; visit(time, position, velocity) at each of the coming `events` it reaches.
 
-        events : times within the cycle still to come, ascending; the last is the cycle's end. Reached ones are
-        removed. Raises NumericalError if no step is small enough.
+        events : times within the cycle still to come, ascending; the last is the cycle's end. Reached ones
+        are removed. Raises NumericalError if no step is small enough.
         """
         size, landing = self._choose(state, events)
         while True:

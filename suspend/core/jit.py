@@ -1,8 +1,8 @@
 """The one compiler setting of the package.
 
 `error_model="numpy"` keeps host and device arithmetic alike (inf instead of an exception) and is faster.
-`reassoc` lets the compiler vectorise sums on the CPU; the order of summation is then fixed at compile time, so
-results stay bit-identical from run to run on one machine.
+`reassoc` lets the compiler vectorise sums on the CPU; the order of summation is then fixed at compile time,
+so results stay bit-identical from run to run on one machine.
 """
 
 from __future__ import annotations

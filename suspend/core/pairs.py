@@ -1,8 +1,8 @@
 """Near-field pair kernels: scalars of every pair, resistance products, loads and stresslets.
 
 For equal spheres the pair resistance splits by parity. With e the unit vector from sphere i to sphere j,
-U+- = U_i +- U_j, W+- = Omega_i +- Omega_j and functions f+- = f_11 +- f_12 (Jeffrey & Onishi 1984), loads exerted
-by the spheres on the fluid are
+U+- = U_i +- U_j, W+- = Omega_i +- Omega_j and functions f+- = f_11 +- f_12 (Jeffrey & Onishi 1984), loads
+exerted by the spheres on the fluid are
 
     F_i + F_j = A+ U+ + YB+ e x W-        T_i + T_j = C+ W+ + YB- U- x e
     F_i - F_j = A- U- + YB- e x W+        T_i - T_j = C- W- + YB+ U+ x e
@@ -10,13 +10,13 @@ by the spheres on the fluid are
 with A = XA ee + YA (1 - ee), C likewise. The strain rate E adds to the right-hand side
 F_i = -F_j = XG- (e.E.e) e + 2 YG- [E.e - (e.E.e) e] and T_i = T_j = 2 YH+ e x E.e.
 
-`scalars[p]` holds, for pair p: e (3), then the 16 combined functions in the order of `COMBINED` (A, B, C halved).
+`scalars[p]` holds, for pair p: e (3), then the 16 combined functions in the order of `COMBINED` (A, B, C
+halved).
 """
 
 from __future__ import annotations
 
 import math
-
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +32,8 @@ STRIDE = 3 + WIDTH  # e, then the functions
 class PairTable(NamedTuple):
     """Combined near-field functions for the kernels (built by `suspend.hydro.nearfield.pair_table`).
 
-    f = singular[0]/gap + singular[1] ln(1/gap) + sum_{d<=5} coefficients[k, d] u^d with (ln gap - t0) inv_dt = k + u.
+    f = singular[0]/gap + singular[1] ln(1/gap) + sum_{d<=5} coefficients[k, d] u^d with (ln gap - t0) inv_dt
+    = k + u.
     """
 
     t0: float
@@ -253,7 +254,8 @@ def _fill_block(s, p, ax, ay, force_spin, torque_speed, cx, cy, block):
 def add_pair_stresslet(s, p, ui, uj, strain_rate, total):
     """Add S_i + S_j of a pair (Brady's sign) to `total` (6,), order of `suspend.conventions.COMPONENTS`.
 
-    S = -{XG- (ee - 1/3) e.U- + YG- [e U-' + U-' e] + YH+ [e (W+ x e) + (W+ x e) e]} + 2 M+ : E, U-' normal to e.
+    S = -{XG- (ee - 1/3) e.U- + YG- [e U-' + U-' e] + YH+ [e (W+ x e) + (W+ x e) e]} + 2 M+ : E, U-' normal to
+    e.
     """
     e = (s[p, 0], s[p, 1], s[p, 2])
     xg, yg, yh, xm, ym, zm = s[p, 13], s[p, 14], s[p, 15], s[p, 16], s[p, 17], s[p, 18]
@@ -293,8 +295,8 @@ def stresslet_rows(first, last, active, scalars, velocity, strain_rate, total):
 def stresslet_of_each(active, scalars, difference, velocity, strain_rate, each):
     """Add every sphere's pair stresslets to `each` (N, 6): S_i, S_j = half the sum plus, minus half the difference.
 
-    `difference` are scalars with XG+, YG+, YH- in the places of XG-, YG-, YH+: the difference S_i - S_j is the formula
-    of the sum with these and with sphere j's velocity reversed.
+    `difference` are scalars with XG+, YG+, YH- in the places of XG-, YG-, YH+: the difference S_i - S_j is
+    the formula of the sum with these and with sphere j's velocity reversed.
     """
     total, odd = np.empty(6), np.empty(6)
     reversed_velocity = np.empty(6)

@@ -61,9 +61,9 @@ def _combinations(odd: bool) -> np.ndarray:
 def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0, odd: bool = False) -> PairTable:
     """Combined functions for a cutoff (centre distance, radii) and what happens there.
 
-    at_cutoff : `hard` leaves the functions as they are, `shifted` subtracts their value at the cutoff, `tapered`
-    shifts and multiplies by a twice differentiable factor over the last tenth of the range. odd : see
-    `_combinations`.
+    at_cutoff : `hard` leaves the functions as they are, `shifted` subtracts their value at the cutoff,
+    `tapered` shifts and multiplies by a twice differentiable factor over the last tenth of the range. odd :
+    see `_combinations`.
     """
     table = load_table()
     if not 2.0 < cutoff <= 2.0 + largest_gap(table) + 1e-12:

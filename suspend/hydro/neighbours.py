@@ -123,10 +123,10 @@ def stretch(strain_increment: float) -> float:
 class VerletList:
     """Pairs within `cutoff` + skin at the build; valid while no pair can have come from outside into `cutoff`.
 
-    A pair at distance r <= cutoff now had, when the list was built at a strain lower by g, a distance of at most
-    stretch(g) (r + 2 u): u is the largest displacement relative to the affine motion since the build. The list is
-    rebuilt when that bound exceeds cutoff + skin. Positions need not be wrapped, the tilt not be reduced: the image
-    numbers of the pairs belong to the positions and the tilt that were given.
+    A pair at distance r <= cutoff now had, when the list was built at a strain lower by g, a distance of at
+    most stretch(g) (r + 2 u): u is the largest displacement relative to the affine motion since the build.
+    The list is rebuilt when that bound exceeds cutoff + skin. Positions need not be wrapped, the tilt not be
+    reduced: the image numbers of the pairs belong to the positions and the tilt that were given.
     """
 
     def __init__(self, edge: float, cutoff: float, skin: float):

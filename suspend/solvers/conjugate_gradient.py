@@ -1,10 +1,10 @@
 """Preconditioned conjugate gradients for the velocities, stopped on the error in velocity.
 
-Solves (R_self + R_nf) U = F for SPD R. With one pair at a small gap the residual is dominated by that pair, so the
-residual's norm says nothing about the velocities. Conjugate gradients minimise the error in the energy norm
-e.R.e, and because R >= R_self, the drag-weighted velocity error e.R_self.e is never larger. The decrease of that
-norm over the last `DELAY` iterations is the sum of alpha_k r_k.z_k (Hestenes & Stiefel 1952; Strakos & Tichy 2002),
-a lower bound of the error DELAY iterations ago that is sharp once convergence sets in.
+Solves (R_self + R_nf) U = F for SPD R. With one pair at a small gap the residual is dominated by that pair,
+so the residual's norm says nothing about the velocities. Conjugate gradients minimise the error in the energy
+norm e.R.e, and because R >= R_self, the drag-weighted velocity error e.R_self.e is never larger. The decrease
+of that norm over the last `DELAY` iterations is the sum of alpha_k r_k.z_k (Hestenes & Stiefel 1952; Strakos
+& Tichy 2002), a lower bound of the error DELAY iterations ago that is sharp once convergence sets in.
 """
 
 from __future__ import annotations
@@ -77,9 +77,10 @@ def _turn(beta, preconditioned, direction):
 def conjugate_gradient(active, scalars, factor, chunks, load, velocity, drags, tolerance, floor2, limit):
     """Solve (R_self + R_nf) velocity = load, starting from and overwriting `velocity` (N, 6).
 
-    chunks : (T + 1,) int64, spheres of each thread; drags : (drag, rotational drag); tolerance : relative error in
-    velocity, in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)); limit : iterations.
-    Returns (iterations, estimated relative error); the estimate exceeds the tolerance if the limit was reached.
+    chunks : (T + 1,) int64, spheres of each thread; drags : (drag, rotational drag); tolerance : relative
+    error in velocity, in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)); limit :
+    iterations. Returns (iterations, estimated relative error); the estimate exceeds the tolerance if the
+    limit was reached.
     """
     drag, rotational_drag = drags
     number, threads = load.shape[0], chunks.shape[0] - 1

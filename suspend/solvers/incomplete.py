@@ -1,8 +1,8 @@
 """Block incomplete factorisation of the near-field resistance, the preconditioner of the velocity solve.
 
-A ~ L D L^T with 6 x 6 blocks on the pattern of the close pairs, without fill. The diagonal blocks hold all pairs
-within the cutoff, so leaving out the other blocks keeps the matrix positive definite. A pair (or a chain of pairs) at
-a vanishing gap is factorised exactly: that is what makes stiff configurations solvable.
+A ~ L D L^T with 6 x 6 blocks on the pattern of the close pairs, without fill. The diagonal blocks hold all
+pairs within the cutoff, so leaving out the other blocks keeps the matrix positive definite. A pair (or a
+chain of pairs) at a vanishing gap is factorised exactly: that is what makes stiff configurations solvable.
 """
 
 from __future__ import annotations
@@ -19,9 +19,10 @@ from suspend.core.pairs import add_cross_block, add_own_block
 class Factor(NamedTuple):
     """L D L^T by domains: sphere i belongs to one domain; L couples spheres of the same domain only.
 
-    start[i]:start[i+1] are the blocks left of the diagonal in row i, column[b] < i their columns, lower[b] the blocks
-    stored transposed (products then run along memory); inverse[i] = D_i^-1. `broken` counts the rows whose pivot was
-    not positive definite: they were uncoupled (block Jacobi), which costs iterations, never accuracy.
+    start[i]:start[i+1] are the blocks left of the diagonal in row i, column[b] < i their columns, lower[b]
+    the blocks stored transposed (products then run along memory); inverse[i] = D_i^-1. `broken` counts the
+    rows whose pivot was not positive definite: they were uncoupled (block Jacobi), which costs iterations,
+    never accuracy.
     """
 
     bounds: np.ndarray  # (domains + 1,) int64
@@ -84,8 +85,8 @@ def diagonal_blocks(active, scalars, drag, rotational_drag, block):
 def close_blocks(active, scalars, below, bounds):
     """Cross blocks of the pairs with gap < `below` inside one domain: (start, column, block), rows of lower neighbours.
 
-    Images of one pair fall into one block. `block[b]` is the coupling of sphere column[b] to the motion of the row's
-    sphere, that is the transpose of the row's block.
+    Images of one pair fall into one block. `block[b]` is the coupling of sphere column[b] to the motion of
+    the row's sphere, that is the transpose of the row's block.
     """
     number = active.row.shape[0]
     domain = np.empty(number, np.int64)
