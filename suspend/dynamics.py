@@ -136,7 +136,9 @@ class Suspension:
 
             self.chunks = split_rows(self.list.offset, self.threads)
 
-    def evaluate(self, position: np.ndarray, strain: float, tilt: float, rate: float, time: float) -> np.ndarray:
+    def evaluate(
+        self, position: np.ndarray, strain: float, tilt: float, rate: float, time: float
+    ) -> np.ndarray:
         """Velocities (N, 6) relative to the undisturbed flow; raises `Overlap` or NumericalError.
 
         `time` is the time since the start of the run, used to extrapolate the start of the solve.
@@ -192,7 +194,8 @@ class Suspension:
     def _conjugate_gradient(self, load: np.ndarray, start: np.ndarray):
         floor2 = self.number * VELOCITY_FLOOR**2
         try:
-            solution = self.near.solve(load, start, self.settings.tolerance, floor2, self.settings.max_iterations)
+            settings = self.settings
+            solution = self.near.solve(load, start, settings.tolerance, floor2, settings.max_iterations)
         except NumericalError as error:
             raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
         self.counters.iterations += solution.iterations
@@ -212,7 +215,7 @@ class Suspension:
         }
 
     def flow_driven_stress(self, rate: float, time: float) -> np.ndarray:
-        """The part of the hydrodynamic stress driven by the flow alone, at the positions of the last evaluation.
+        """Hydrodynamic stress driven by the flow alone, at the positions of the last evaluation.
 
         One more solve, for the velocities at unit rate without any non-hydrodynamic force.
         """
@@ -224,8 +227,10 @@ class Suspension:
         self.flow_history.push(time, velocity)
         return rate * self.stress(velocity, 1.0)["hydrodynamic"]
 
-    def stress_per_sphere(self, position: np.ndarray, tilt: float, velocity: np.ndarray, rate: float) -> np.ndarray:
-        """Stress of each sphere (N, 6), hydrodynamic and interparticle; its sum is the bulk stress without fluid."""
+    def stress_per_sphere(
+        self, position: np.ndarray, tilt: float, velocity: np.ndarray, rate: float
+    ) -> np.ndarray:
+        """Stress of each sphere (N, 6), hydrodynamic and interparticle; the sum is the bulk's less fluid."""
         strain_rate = rate * self.strain_rate
         voigt = np.array([strain_rate[a, b] for a, b in COMPONENT_INDEX])
         each = np.tile(self.scene.self_stresslet * voigt, (self.number, 1))
@@ -235,6 +240,12 @@ class Suspension:
             )
         if self.force_range > 0.0:
             each += stress_per_sphere(
-                self.list.pairs, self.list.offset, position, self.scene.edge, tilt, self.scene.force, self.force_range
+                self.list.pairs,
+                self.list.offset,
+                position,
+                self.scene.edge,
+                tilt,
+                self.scene.force,
+                self.force_range,
             )
         return 6.0 * np.pi / self.scene.edge**3 * each

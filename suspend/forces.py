@@ -32,11 +32,13 @@ class PairForce(NamedTuple):
 
 
 def pair_force(repulsion, contact) -> PairForce:
-    """Parameters from the `repulsion` and `contact` sections of a configuration, either of which may be None."""
+    """Parameters from the `repulsion` and `contact` sections of a configuration; either may be None."""
     strength = decay = shift = reach = 0.0
     if repulsion is not None and repulsion.force > 0.0:
         strength, decay, shift = repulsion.force, 1.0 / repulsion.debye_length, repulsion.gap_shift
-        lengths = repulsion.cutoff if repulsion.cutoff is not None else max(math.log(strength / NEGLIGIBLE), 0.0)
+        lengths = repulsion.cutoff
+        if lengths is None:
+            lengths = max(math.log(strength / NEGLIGIBLE), 0.0)
         reach = shift + lengths / decay
     stiffness = contact.stiffness if contact is not None else 0.0
     contact_gap = contact.gap_shift if contact is not None else 0.0
@@ -65,7 +67,9 @@ def force_law(force, gap):
 
 @kernel
 def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, load, stress, each):
-    """Pair forces of spheres first:last added to `load` (N, 6), virial to `stress` (6,); -> (smallest gap, overlaps).
+    """Add pair forces of spheres first:last to `load` (N, 6), virial to `stress` (6,).
+
+    Returns (smallest gap, overlaps).
 
     `each` (N, 6) takes the stress per sphere, half a pair's to either; pass a (0, 6) array to leave it out.
     """
@@ -113,7 +117,18 @@ def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load)
     none = np.zeros((0, 6))
     for t in numba.prange(threads):
         smallest[t], overlaps[t] = _force_rows(
-            chunks[t], chunks[t + 1], pairs, offset, position, edge, tilt, force, reach, partial[t], stress[t], none
+            chunks[t],
+            chunks[t + 1],
+            pairs,
+            offset,
+            position,
+            edge,
+            tilt,
+            force,
+            reach,
+            partial[t],
+            stress[t],
+            none,
         )
     for t in range(threads):
         load += partial[t]

@@ -100,9 +100,11 @@ class Motion:
             if trial is not None:
                 break
             if self.settings.fixed is not None:
-                raise NumericalError(self._stuck(state, size, "spheres overlap at the fixed step (integrator.step)"))
+                why = "spheres overlap at the fixed step (integrator.step)"
+                raise NumericalError(self._stuck(state, size, why))
             if retry < self.settings.min_step:
-                raise NumericalError(self._stuck(state, size, "every trial step overlaps or misses the tolerance"))
+                why = "every trial step overlaps or misses the tolerance"
+                raise NumericalError(self._stuck(state, size, why))
             size, landing = retry, False
         self._accept(state, trial, events[0] if landing else state.time + size, events, visit)
 
@@ -129,7 +131,7 @@ class Motion:
         return stages * math.ceil(ahead / size - 1e-9) / ahead <= stages / size + 1.0 / ahead
 
     def _try(self, state: State, size: float) -> tuple[Step | None, float]:
-        """A trial step of `size` and, if it is rejected (None), the size to try next; no trace is left then."""
+        """A trial step of `size`, or None if it is rejected, without trace; and the size to try next."""
         counters, suspension = self.suspension.counters, self.suspension
         self._check_budget(state)
         history = suspension.history.copy()
@@ -188,7 +190,8 @@ class Motion:
         counters = self.suspension.counters
         return (
             f"{why}: step {size:.3g} at cycle {state.cycle}, total strain "
-            f"{self.flow.accumulated(state.cycle, state.time):.6g}; smallest gap {counters.minimum_gap:.3g} a, "
-            f"{counters.rejected_overlap} overlaps and {counters.rejected_error} error rejections in this cycle. "
+            f"{self.flow.accumulated(state.cycle, state.time):.6g}; "
+            f"smallest gap {counters.minimum_gap:.3g} a, {counters.rejected_overlap} overlaps "
+            f"and {counters.rejected_error} error rejections in this cycle. "
             "Lower integrator.tolerance or integrator.min_step, or set lubrication.minimum_gap"
         )

@@ -10,5 +10,6 @@ from __future__ import annotations
 from numba import njit
 
 scalar = njit(error_model="numpy", cache=True)
-kernel = njit(error_model="numpy", cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-parallel_kernel = njit(error_model="numpy", cache=True, parallel=True, fastmath={"contract", "reassoc", "nsz"})
+_SUMS = {"contract", "reassoc", "nsz"}
+kernel = njit(error_model="numpy", cache=True, nogil=True, fastmath=_SUMS)
+parallel_kernel = njit(error_model="numpy", cache=True, parallel=True, fastmath=_SUMS)

@@ -11,7 +11,7 @@ with A = XA ee + YA (1 - ee), C likewise. The strain rate E adds to the right-ha
 F_i = -F_j = XG- (e.E.e) e + 2 YG- [E.e - (e.E.e) e] and T_i = T_j = 2 YH+ e x E.e.
 
 `scalars[p]` holds, for pair p: e (3), then the 16 combined functions in the order of `COMBINED` (A, B, C
-halved).
+are halved).
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ STRIDE = 3 + WIDTH  # e, then the functions
 class PairTable(NamedTuple):
     """Combined near-field functions for the kernels (built by `suspend.hydro.nearfield.pair_table`).
 
-    f = singular[0]/gap + singular[1] ln(1/gap) + sum_{d<=5} coefficients[k, d] u^d with (ln gap - t0) inv_dt
-    = k + u.
+    f = singular[0]/gap + singular[1] ln(1/gap) + sum_{d<=5} coefficients[k, d] u^d
+    with (ln gap - t0) inv_dt = k + u.
     """
 
     t0: float
@@ -71,7 +71,7 @@ def evaluate_combined(table, gap, value):
 
 @scalar
 def taper(r, start, cutoff):
-    """Factor that brings the functions smoothly to zero: 1 below `start`, 0 at `cutoff`, twice differentiable."""
+    """Factor bringing the functions to zero: 1 below `start`, 0 at `cutoff`, twice differentiable."""
     if r <= start:
         return 1.0
     x = (r - start) / (cutoff - start)
@@ -79,7 +79,7 @@ def taper(r, start, cutoff):
 
 
 class ActivePairs(NamedTuple):
-    """Pairs within the cutoff, sphere by sphere: rows row[i, 0]:row[i, 1] belong to sphere i and sphere other[p]."""
+    """Pairs within the cutoff by sphere: row[i, 0]:row[i, 1] are those of sphere i with spheres other[p]."""
 
     row: np.ndarray  # (N, 2) int64
     other: np.ndarray  # (P,) int32
@@ -151,18 +151,27 @@ def pair_loads(s, ui, uj, p):
     wx = c4 * nx + dn * ex + b1 * (py * ez - pz * ey)
     wy = c4 * ny + dn * ey + b1 * (pz * ex - px * ez)
     wz = c4 * nz + dn * ez + b1 * (px * ey - py * ex)
-    return fx + gx, fy + gy, fz + gz, tx + wx, ty + wy, tz + wz, fx - gx, fy - gy, fz - gz, tx - wx, ty - wy, tz - wz
+    on_i = fx + gx, fy + gy, fz + gz, tx + wx, ty + wy, tz + wz
+    on_j = fx - gx, fy - gy, fz - gz, tx - wx, ty - wy, tz - wz
+    return on_i + on_j
 
 
 @kernel
 def apply_rows(first, last, active, scalars, velocity, load):
-    """Add R_nf . velocity of the pairs of spheres first:last to `load` (both (N, 6), translation then rotation)."""
+    """Add R_nf . velocity of the pairs of spheres first:last to `load`, both (N, 6), rotation last."""
     for i in range(first, last):
         ui = (velocity[i, 0], velocity[i, 1], velocity[i, 2], velocity[i, 3], velocity[i, 4], velocity[i, 5])
         y0, y1, y2, y3, y4, y5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for p in range(active.row[i, 0], active.row[i, 1]):
             j = active.other[p]
-            uj = (velocity[j, 0], velocity[j, 1], velocity[j, 2], velocity[j, 3], velocity[j, 4], velocity[j, 5])
+            uj = (
+                velocity[j, 0],
+                velocity[j, 1],
+                velocity[j, 2],
+                velocity[j, 3],
+                velocity[j, 4],
+                velocity[j, 5],
+            )
             r = pair_loads(scalars, ui, uj, p)
             y0 += r[0]
             y1 += r[1]
@@ -218,7 +227,10 @@ def strain_loads_rows(first, last, active, scalars, strain_rate, load):
 
 @scalar
 def add_own_block(s, p, sign, block):
-    """Add a pair's resistance of a sphere to its own motion to `block` (6, 6); sign +1 for i, -1 for j (e reversed)."""
+    """Add a pair's resistance of a sphere to its own motion to `block` (6, 6).
+
+    sign : +1 for i, -1 for j (e reversed).
+    """
     ax, ay = s[p, 3] + s[p, 5], s[p, 4] + s[p, 6]
     cx, cy = s[p, 9] + s[p, 11], s[p, 10] + s[p, 12]
     _fill_block(s, p, ax, ay, sign * (s[p, 7] + s[p, 8]), sign * (s[p, 7] + s[p, 8]), cx, cy, block)
@@ -226,7 +238,7 @@ def add_own_block(s, p, sign, block):
 
 @scalar
 def add_cross_block(s, p, block):
-    """Add a pair's resistance of sphere i to the motion of sphere j to `block` (6, 6); its transpose is the other."""
+    """Add a pair's resistance of i to the motion of j to `block` (6, 6); its transpose is that of j to i."""
     ax, ay = s[p, 3] - s[p, 5], s[p, 4] - s[p, 6]
     cx, cy = s[p, 9] - s[p, 11], s[p, 10] - s[p, 12]
     b = s[p, 7] - s[p, 8]
@@ -254,8 +266,8 @@ def _fill_block(s, p, ax, ay, force_spin, torque_speed, cx, cy, block):
 def add_pair_stresslet(s, p, ui, uj, strain_rate, total):
     """Add S_i + S_j of a pair (Brady's sign) to `total` (6,), order of `suspend.conventions.COMPONENTS`.
 
-    S = -{XG- (ee - 1/3) e.U- + YG- [e U-' + U-' e] + YH+ [e (W+ x e) + (W+ x e) e]} + 2 M+ : E, U-' normal to
-    e.
+    S = -{XG- (ee - 1/3) e.U- + YG- [e U-' + U-' e] + YH+ [e (W+ x e) + (W+ x e) e]} + 2 M+ : E,
+    U-' normal to e.
     """
     e = (s[p, 0], s[p, 1], s[p, 2])
     xg, yg, yh, xm, ym, zm = s[p, 13], s[p, 14], s[p, 15], s[p, 16], s[p, 17], s[p, 18]
@@ -293,7 +305,7 @@ def stresslet_rows(first, last, active, scalars, velocity, strain_rate, total):
 
 @kernel
 def stresslet_of_each(active, scalars, difference, velocity, strain_rate, each):
-    """Add every sphere's pair stresslets to `each` (N, 6): S_i, S_j = half the sum plus, minus half the difference.
+    """Add the pair stresslets to `each` (N, 6): S_i, S_j = half the sum plus, minus half the difference.
 
     `difference` are scalars with XG+, YG+, YH- in the places of XG-, YG-, YH+: the difference S_i - S_j is
     the formula of the sum with these and with sphere j's velocity reversed.

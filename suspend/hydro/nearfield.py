@@ -54,11 +54,14 @@ def _combinations(odd: bool) -> np.ndarray:
             x, y = parity("X" + tensor, other), parity("Y" + tensor, other)
             rows += [0.5 * (x - y), 0.5 * y]
     spin = [0.5 * parity("YB", 1), 0.5 * parity("YB", -1)]
-    strain = [parity("XG", -sign), parity("YG", -sign), parity("YH", sign), parity("XM", 1), parity("YM", 1), parity("ZM", 1)]
+    strain = [parity("XG", -sign), parity("YG", -sign), parity("YH", sign)]
+    strain += [parity("XM", 1), parity("YM", 1), parity("ZM", 1)]
     return np.array(rows[:4] + spin + rows[4:] + strain)
 
 
-def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0, odd: bool = False) -> PairTable:
+def pair_table(
+    cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0, odd: bool = False
+) -> PairTable:
     """Combined functions for a cutoff (centre distance, radii) and what happens there.
 
     at_cutoff : `hard` leaves the functions as they are, `shifted` subtracts their value at the cutoff,
@@ -68,7 +71,8 @@ def pair_table(cutoff: float, at_cutoff: str = "shifted", frozen: float = 0.0, o
     table = load_table()
     if not 2.0 < cutoff <= 2.0 + largest_gap(table) + 1e-12:
         raise ConfigurationError(
-            f"lubrication.cutoff: {cutoff:g} radii; the two-sphere table covers 2 < cutoff <= {2 + largest_gap(table):g}"
+            f"lubrication.cutoff: {cutoff:g} radii; "
+            f"the two-sphere table covers 2 < cutoff <= {2 + largest_gap(table):g}"
         )
     combine = _combinations(odd)
     coefficients = np.ascontiguousarray(np.einsum("cf,kdf->kdc", combine, table.coefficients))
@@ -163,11 +167,21 @@ class NearField:
         """Velocities (N, 6) for `load` (N, 6), started from `start`; raises NumericalError at the limit."""
         velocity = start.copy()
         iterations, error = conjugate_gradient(
-            self.active, self.scalars, self.factor, self.chunks, load, velocity, self.drags, tolerance, floor2, limit
+            self.active,
+            self.scalars,
+            self.factor,
+            self.chunks,
+            load,
+            velocity,
+            self.drags,
+            tolerance,
+            floor2,
+            limit,
         )
         if not error <= tolerance:
             raise NumericalError(
-                f"the velocity solve did not converge: estimated relative error {error:.3g} after {iterations} "
+                "the velocity solve did not converge: "
+                f"estimated relative error {error:.3g} after {iterations} "
                 f"iterations, asked for {tolerance:.3g} (solver.tolerance, solver.max_iterations)"
             )
         return Solution(velocity, iterations, error)

@@ -1,4 +1,4 @@
-"""Verlet list of pairs in the sheared periodic cell, every image counted, that stays right as the cell shears."""
+"""Verlet list of pairs in the sheared periodic cell, all images counted, right while the cell shears."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def _scan(i, position, edge, tilt, reach, grid, start, member, pairs, first):
     """
     cells = grid
     width = edge / cells
-    span = int(math.ceil(reach / width))
-    span_x = int(math.ceil(reach * math.sqrt(1.0 + tilt * tilt) / width))
+    span = math.ceil(reach / width)
+    span_x = math.ceil(reach * math.sqrt(1.0 + tilt * tilt) / width)
     xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
     cx = min(int((xi - tilt * yi) / width), cells - 1)
     cy = min(int(yi / width), cells - 1)
@@ -110,7 +110,7 @@ def find_pairs(position: np.ndarray, edge: float, tilt: float, reach: float) -> 
     row : (N+1,) int64, pairs of sphere i are rows row[i]:row[i+1]
     """
     # cells of about half the reach: fewer candidates than cells of one reach, few empty cells at N = 10^5
-    cells = max(1, min(int(edge / (0.5 * reach)), 1 + int(round(2.0 * position.shape[0] ** (1.0 / 3.0)))))
+    cells = max(1, min(int(edge / (0.5 * reach)), 1 + round(2.0 * position.shape[0] ** (1.0 / 3.0))))
     return _build(position, edge, tilt, reach, cells)
 
 
@@ -121,7 +121,7 @@ def stretch(strain_increment: float) -> float:
 
 
 class VerletList:
-    """Pairs within `cutoff` + skin at the build; valid while no pair can have come from outside into `cutoff`.
+    """Pairs within `cutoff` + skin at the build; valid while no other pair can have come within `cutoff`.
 
     A pair at distance r <= cutoff now had, when the list was built at a strain lower by g, a distance of at
     most stretch(g) (r + 2 u): u is the largest displacement relative to the affine motion since the build.
@@ -149,7 +149,7 @@ class VerletList:
         self.builds += 1
 
     def valid(self, position: np.ndarray, strain: float) -> bool:
-        """Whether the list still holds every pair closer than the cutoff at these positions and this strain."""
+        """Whether the list still holds every pair within the cutoff at these positions and this strain."""
         if self.pairs is None:
             return False
         increment = strain - self.strain

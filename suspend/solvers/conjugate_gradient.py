@@ -54,7 +54,8 @@ def _drag_norm2(velocity, drag, rotational_drag):
     s = 0.0
     for i in range(velocity.shape[0]):
         for c in range(3):
-            s += drag * velocity[i, c] * velocity[i, c] + rotational_drag * velocity[i, 3 + c] * velocity[i, 3 + c]
+            u, w = velocity[i, c], velocity[i, 3 + c]
+            s += drag * u * u + rotational_drag * w * w
     return s
 
 

@@ -83,7 +83,9 @@ def diagonal_blocks(active, scalars, drag, rotational_drag, block):
 
 @kernel
 def close_blocks(active, scalars, below, bounds):
-    """Cross blocks of the pairs with gap < `below` inside one domain: (start, column, block), rows of lower neighbours.
+    """Cross blocks of the pairs with gap < `below` inside one domain, rows of lower neighbours.
+
+    Returns (start, column, block).
 
     Images of one pair fall into one block. `block[b]` is the coupling of sphere column[b] to the motion of
     the row's sphere, that is the transpose of the row's block.
@@ -130,7 +132,7 @@ def _subtract_product(a, b, out):
 
 @kernel
 def factorise_rows(first, last, start, column, lower, diagonal, inverse):
-    """Factorise rows first:last in place: `lower` from A's blocks to L's, `inverse` from `diagonal` (N, 6, 6)."""
+    """Factorise rows first:last in place: `lower` from A to L, `inverse` from `diagonal` (N, 6, 6)."""
     number = diagonal.shape[0]
     place = np.full(number, -1, np.int64)
     scaled = np.empty((number, 6, 6))  # W_ik^T = (L_ik D_k)^T of the current row, by position in the row
@@ -165,7 +167,7 @@ def factorise_rows(first, last, start, column, lower, diagonal, inverse):
 
 @parallel_kernel
 def factorise(active, scalars, below, bounds, drag, rotational_drag):
-    """Preconditioner of R_self + R_nf from the pairs with gap < `below` (radii); block Jacobi if there is none."""
+    """Preconditioner of R_self + R_nf from the pairs with gap < `below` (radii); else block Jacobi."""
     number = active.row.shape[0]
     diagonal = np.empty((number, 6, 6))
     diagonal_blocks(active, scalars, drag, rotational_drag, diagonal)
