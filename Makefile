@@ -44,6 +44,10 @@ $(VENV)/.installed: $(SOURCES) | $(BIN)/python
 	test -e $(VENV)/.installed-dev || $(BIN)/python -m pip install --quiet .
 	touch $@
 
+# A copy that ran leaves its compiled kernels behind when it is uninstalled; as a namespace package that folder would
+# hide the editable installation.
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip uninstall --quiet --yes suspend
+	rm -rf $(VENV)/lib/python*/site-packages/suspend $(VENV)/lib/python*/site-packages/suspend_cli
 	$(BIN)/python -m pip install --quiet --editable '.[dev]'
 	touch $@
