@@ -70,16 +70,16 @@ def test_resistance_is_that_of_the_twin(scene):
 
 
 def test_resistance_is_symmetric_and_positive(scene):
-    """Reciprocity: R_FU is symmetric to rounding. R_self + R_nf is a drag: positive definite.
+    """Reciprocity: R_FU is symmetric to rounding. Dissipation: no motion gains from the near field,
+    eigenvalues >= 0.
 
-    R_nf alone is positive semi-definite only with the exact functions in excess of the far field: with the
-    hard cutoff it may dip below zero by the excess's own small negative modes, far less than the self drag.
+    The exact pair dissipates more than the pair at the FTS level does (minimum dissipation under fewer
+    constraints),
+    so each pair's excess is positive semi-definite, shifted or not (the excess grows as the gap closes).
     """
     matrix = resistance(scene[0])
     assert np.abs(matrix - matrix.T).max() <= 1e-13 * np.abs(matrix).max()
-    assert np.linalg.eigvalsh(matrix).min() > -1e-2
-    own = np.diag(np.tile([1.0] * 3 + [ROTATIONAL_DRAG] * 3, len(matrix) // 6))
-    assert np.linalg.eigvalsh(matrix + own).min() > 0.5
+    assert np.linalg.eigvalsh(matrix).min() >= -1e-13 * np.abs(matrix).max()
 
 
 def test_strain_loads_are_those_of_the_twin(scene):
