@@ -2,7 +2,6 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-RUN := demo-run
 SOURCES := pyproject.toml $(shell find suspend cli -name '*.py' -o -path 'suspend/data/*' -type f -not -name '*.pyc')
 
 # An inherited PYTHONPATH would let the tests see another copy of the package than the installed one.
@@ -12,9 +11,9 @@ unexport PYTHONPATH PYTHONHOME
 .PHONY: demo test long lint clean
 
 demo: $(VENV)/.installed
-	$(BIN)/suspend run configs/demo.yaml --output $(RUN)
-	$(BIN)/suspend analyze $(RUN) --plot $(RUN)/first_figure.png
-	@echo "Figure: $(RUN)/first_figure.png"
+	$(BIN)/suspend run configs/demo.yaml --output demo-run
+	$(BIN)/suspend analyze demo-run --plot demo-run/first_figure.png
+	@echo "Figure: demo-run/first_figure.png"
 
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q
@@ -29,7 +28,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/interrogate suspend cli
 
 clean:
-	rm -rf $(VENV) $(RUN) build dist suspend.egg-info .pytest_cache .ruff_cache .import_linter_cache
+	rm -rf $(VENV) demo-run build dist suspend.egg-info .pytest_cache .ruff_cache .import_linter_cache
 	find suspend cli tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
@@ -38,9 +37,10 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 # Once the editable installation is there it shows every change of the sources, and must not be replaced by a copy.
-# `build` goes first: setuptools would pack the modules that an earlier build left there.
+# `build` goes first: setuptools would pack the modules that an earlier build left there. So does the demo's run: changed
+# sources may have other defaults, and a run is never continued with another configuration.
 $(VENV)/.installed: $(SOURCES) | $(BIN)/python
-	rm -rf build
+	rm -rf build demo-run
 	test -e $(VENV)/.installed-dev || $(BIN)/python -m pip install --quiet .
 	touch $@
 
