@@ -2,8 +2,9 @@
 
     python benchmarks/amplitude_series.py OUT [--phi 0.4] [--seed 1] [--strain 256] [--amplitudes 0.1 0.2 ...]
 
-Runs (or continues) `configs/paper.yaml` for every amplitude from the same starting configuration into OUT and writes
-OUT/series.csv: amplitude, moduli averaged over the last cycles, first and last D_cyc, evaluations, wall time.
+Runs (or continues) `configs/paper.yaml` for every amplitude from the same starting configuration into OUT and
+writes OUT/series.csv: amplitude, moduli averaged over the last cycles, first and last D_cyc, evaluations,
+wall time.
 """
 
 from __future__ import annotations
