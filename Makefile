@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-SOURCES := pyproject.toml $(shell find suspend cli -name '*.py' -o -path 'suspend/data/*' -type f -not -name '*.pyc')
+SOURCES := pyproject.toml configs/demo.yaml $(shell find suspend cli -name '*.py' -o -path 'suspend/data/*' -type f -not -name '*.pyc')
 
 # An inherited PYTHONPATH would let the tests see another copy of the package than the installed one.
 unexport PYTHONPATH PYTHONHOME
