@@ -29,7 +29,7 @@ from suspend.errors import ConfigurationError, Interrupted, NumericalError, Stor
 from suspend.flow import make_flow, rate_scale
 from suspend.initial import prepare_initial
 from suspend.integrators import METHODS
-from suspend.io import CycleTable, RunStore, holds_run
+from suspend.io import CycleTable, Run, RunStore, holds_run
 from suspend.motion import Motion, State, StepSettings
 from suspend.plan import Plan, make_plan
 from suspend.recorder import Recorder
@@ -187,7 +187,7 @@ class Simulation:
             "baseline": suspension.baseline,
             "start_position": self.start_position,
             "list": None if verlet is None else _list_point(verlet),
-            "factor": suspension.factor_point,
+            "factor": _factor_point(suspension.factor_point),
         }
         return content, self.recorder.partial()
 
@@ -205,7 +205,7 @@ class Simulation:
             point = content["list"]
             suspension.renew(point["reference"], point["strain"], point["tilt"])
         if content["factor"] is not None:
-            position, tilt = content["factor"]
+            position, tilt = content["factor"]["position"], content["factor"]["tilt"]
             suspension.near.assemble(position, suspension.scene.edge, tilt)
             suspension.factor(position, tilt)
         motion.position_error = content["position_error"]
@@ -219,6 +219,10 @@ class Simulation:
 
 def _list_point(verlet) -> dict:
     return {"reference": verlet.reference, "strain": verlet.strain, "tilt": verlet.tilt}
+
+
+def _factor_point(point) -> dict | None:
+    return None if point is None else {"position": point[0], "tilt": point[1]}
 
 
 def _dump_history(history: History) -> dict:
@@ -356,9 +360,10 @@ def _meta(config: Config, initial, threads: int) -> dict:
 
 
 def _continue(config: Config, directory: Path, threads: int, say) -> tuple[Simulation, RunStore]:
+    with Run(directory) as stored:
+        _check_same(config, stored, directory)
     store = RunStore.open(directory, _table(config))
     try:
-        _check_same(config, store, directory)
         units = make_units(config)
         simulation = Simulation(config, threads, store.meta["L"] / units.length)
         content, partial = store.load_state()
@@ -379,8 +384,8 @@ def _continue(config: Config, directory: Path, threads: int, say) -> tuple[Simul
     return simulation, store
 
 
-def _check_same(config: Config, store: RunStore, directory: Path) -> None:
-    stored = loads(store.config_yaml, source=f"configuration stored in {directory}")
+def _check_same(config: Config, run: Run, directory: Path) -> None:
+    stored = loads(run.config_yaml, source=f"configuration stored in {directory}")
     old, new = stored.to_dict(), config.to_dict()
     old_flow, new_flow = make_flow(stored), make_flow(config)
     differing = sorted(
@@ -396,8 +401,7 @@ def _check_same(config: Config, store: RunStore, directory: Path) -> None:
             f"{directory} holds a run with another configuration ({', '.join(differing)} differ): "
             "choose another --output, or the configuration it was started with"
         )
-    done = store.cycles_done
-    if done and old_flow.period(0) != new_flow.period(0):
+    if run.cycles and old_flow.period(0) != new_flow.period(0):
         raise ConfigurationError(
             f"{directory}: duration.strain {config.duration.strain:g} cuts the run into other blocks than the "
             f"{stored.duration.strain:g} it was started with: choose a whole multiple of the block length "
@@ -432,8 +436,11 @@ class _Session:
             if not store.finished:
                 store.finish(simulation.dump()[0], simulation.final_frame())
             return
-        while simulation.state.cycle < simulation.flow.cycles:
+        while True:
             self._cycle()
+            if simulation.state.cycle >= simulation.flow.cycles:
+                break
+            self._interrupt()
         store.finish(simulation.dump()[0], simulation.final_frame())
 
     def _cycle(self) -> None:
@@ -442,9 +449,10 @@ class _Session:
             if simulation.between_cycles:
                 simulation.begin_cycle()
             while simulation.events:
-                self._interrupt()
                 simulation.step()
                 self._report()
+                if simulation.events:
+                    self._interrupt()
         except NumericalError as error:
             raise NumericalError(
                 f"{error}; cycle {simulation.state.cycle}, step after total strain {self._strain():.6g}; the "

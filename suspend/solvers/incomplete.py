@@ -34,9 +34,8 @@ class Factor(NamedTuple):
 
 
 @scalar
-def invert_spd(block, inverse):
-    """Inverse of a symmetric positive definite 6 x 6 block by Cholesky; False if a pivot is not positive."""
-    low = np.zeros((6, 6))
+def cholesky(block, low):
+    """Lower Cholesky factor of a symmetric positive definite 6 x 6 block; False if a pivot is not positive."""
     for c in range(6):
         s = block[c, c]
         for k in range(c):
@@ -49,18 +48,29 @@ def invert_spd(block, inverse):
             for k in range(c):
                 s -= low[r, k] * low[c, k]
             low[r, c] = s / low[c, c]
-    for c in range(6):  # solve L L^T x = unit vector c
-        for r in range(6):
-            s = 1.0 if r == c else 0.0
-            for k in range(r):
-                s -= low[r, k] * inverse[k, c]
-            inverse[r, c] = s / low[r, r]
-        for r in range(5, -1, -1):
-            s = inverse[r, c]
-            for k in range(r + 1, 6):
-                s -= low[k, r] * inverse[k, c]
-            inverse[r, c] = s / low[r, r]
     return True
+
+
+@scalar
+def solve_lower(low, x):
+    """x <- low^-1 x for the six columns of x."""
+    for r in range(6):
+        for k in range(r):
+            for c in range(6):
+                x[r, c] -= low[r, k] * x[k, c]
+        for c in range(6):
+            x[r, c] /= low[r, r]
+
+
+@scalar
+def solve_upper(low, x):
+    """x <- low^-T x for the six columns of x."""
+    for r in range(5, -1, -1):
+        for k in range(r + 1, 6):
+            for c in range(6):
+                x[r, c] -= low[k, r] * x[k, c]
+        for c in range(6):
+            x[r, c] /= low[r, r]
 
 
 @kernel
@@ -136,7 +146,8 @@ def factorise_rows(first, last, start, column, lower, diagonal, inverse):
     number = diagonal.shape[0]
     place = np.full(number, -1, np.int64)
     scaled = np.empty((number, 6, 6))  # W_ik^T = (L_ik D_k)^T of the current row, by position in the row
-    pivot = np.empty((6, 6))
+    root = np.empty((last - first, 6, 6))  # D_i = root_i root_i^T
+    pivot, half = np.empty((6, 6)), np.empty((6, 6))
     broken = 0
     for i in range(first, last):
         pivot[:] = diagonal[i]
@@ -149,19 +160,22 @@ def factorise_rows(first, last, start, column, lower, diagonal, inverse):
             for g in range(start[k], start[k + 1]):  # W_ik -= W_im L_km^T, transposed: W_ik^T -= L_km W_im^T
                 if place[column[g]] >= 0:
                     _subtract_product(lower[g].T, scaled[place[column[g]] - start[i]], w)
-            for r in range(6):  # L_ik^T = D_k^-1 W_ik^T
-                for c in range(6):
-                    x = 0.0
-                    for m in range(6):
-                        x += inverse[k, r, m] * w[m, c]
-                    lower[b, r, c] = x
-            _subtract_product(w.T, lower[b], pivot)  # D_i -= W_ik L_ik^T
+            # D_i -= W_ik D_k^-1 W_ik^T as a square: through the explicit inverse the stiff parts of two
+            # touching spheres, 1/gap each, would cancel with an error of eps/gap^2
+            half[:] = w
+            solve_lower(root[k - first], half)
+            _subtract_product(half.T, half, pivot)
+            solve_upper(root[k - first], half)
+            lower[b] = half  # L_ik^T = D_k^-1 W_ik^T
         for b in range(start[i], start[i + 1]):
             place[column[b]] = -1
-        if not invert_spd(pivot, inverse[i]):
+        if not cholesky(pivot, root[i - first]):
             broken += 1
             lower[start[i] : start[i + 1]] = 0.0
-            invert_spd(diagonal[i], inverse[i])
+            cholesky(diagonal[i], root[i - first])
+        inverse[i] = np.eye(6)
+        solve_lower(root[i - first], inverse[i])
+        solve_upper(root[i - first], inverse[i])
     return broken
 
 

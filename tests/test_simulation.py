@@ -1,0 +1,226 @@
+"""Whole runs: physics with a known answer, and files that survive stops."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from suspend.config import from_dict
+from suspend.errors import ConfigurationError, Interrupted, NumericalError
+from suspend.io import Run
+from suspend.simulation import make_plan, run
+
+
+def scene(number=30, phi=0.3, **changes):
+    """A small oscillatory run; dotted keys override."""
+    base = {
+        "particles": {"number": number, "volume_fraction": phi},
+        "flow": {"type": "oscillatory", "amplitude": 0.3},
+        "duration": {"cycles": 3},
+        "repulsion": {"force": 10.0, "debye_length": 0.01},
+        "output": {"samples_per_cycle": 24},
+    }
+    overrides = [f"{key.replace('__', '.')}={value}" for key, value in changes.items()]
+    return from_dict(base, overrides=overrides)
+
+
+def contents(directory):
+    """Everything a run computed, without wall times."""
+    with Run(directory) as stored:
+        records = [stored.cycle(k) for k in range(stored.cycles)]
+        final = stored.frame(-1)
+    for record in records:
+        record["statistics"] = {k: v for k, v in record["statistics"].items() if k != "wall_time"}
+    return records, final
+
+
+def assert_identical(a, b):
+    """Bit for bit, through nested dicts and lists."""
+    if isinstance(a, dict):
+        assert set(a) == set(b)
+        for key in a:
+            assert_identical(a[key], b[key])
+    elif isinstance(a, list | tuple):
+        assert len(a) == len(b)
+        for x, y in zip(a, b, strict=True):
+            assert_identical(x, y)
+    else:
+        assert np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f")
+
+
+def test_lone_sphere_has_the_einstein_viscosity(tmp_path):
+    """A sphere without neighbours within the cutoff: eta_r = 1 + 2.5 phi (Einstein), to rounding."""
+    phi = 0.01
+    config = scene(1, phi)
+    run(config, tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        record = stored.cycle(0)
+    total = (record["stress_fluid"] + record["stress_hydrodynamic"])[:, 3]
+    moving = np.abs(record["rate"]) > 1e-3
+    assert np.allclose(total[moving] / record["rate"][moving], 1.0 + 2.5 * phi, rtol=1e-12)
+
+
+def test_motion_without_forces_is_reversible(tmp_path):
+    """Stokes flow with F0 = 0 is reversible: the displacement over a cycle is the integrator's error only.
+
+    It must fall with the step as dt^3 (Bogacki-Shampine): by about 8 for half the step, at least by 5.
+    """
+    back = []
+    for step in (0.04, 0.02, 0.01):
+        config = scene(20, 0.3, repulsion="null", duration__cycles=1, integrator__step=step, solver__tolerance=1e-11)
+        run(config, tmp_path / f"{step}")
+        with Run(tmp_path / f"{step}") as stored:
+            back.append(np.abs(stored.frame(-1)["unwrapped"] - stored.frame(0)["unwrapped"]).max())
+    assert back[0] > 5.0 * back[1] > 25.0 * back[2]
+
+
+def test_units_do_not_matter(tmp_path):
+    """The same dimensionless scene in other units of length, time and viscosity: the same viscosities.
+
+    Internally everything is dimensionless, so only the conversion's rounding may differ.
+    """
+    a = scene(12, 0.3, duration__cycles=1)
+    b = scene(12, 0.3, duration__cycles=1, particles__radius=2.5e-6, fluid__viscosity=0.7, flow__omega=31.0)
+    run(a, tmp_path / "a")
+    run(b, tmp_path / "b")
+    with Run(tmp_path / "a") as first, Run(tmp_path / "b") as second:
+        x, y = first.cycle(0), second.cycle(0)
+    assert np.allclose(y["stress_hydrodynamic"] / (0.7 * 31.0 * 0.3), x["stress_hydrodynamic"] / 0.3, rtol=1e-12)
+    assert np.allclose(y["unwrapped"] / 2.5e-6, x["unwrapped"], rtol=1e-12)
+
+
+def test_stress_of_the_spheres_adds_up(tmp_path):
+    """The stresses of all spheres sum to the bulk stress without the fluid's own (rounding only)."""
+    config = scene(20, 0.4, duration__cycles=1, output__particle_stress="true")
+    run(config, tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        record = stored.cycle(0)
+    bulk = record["stress_hydrodynamic"] + record["stress_interparticle"]
+    assert np.allclose(record["particle_stress"].sum(axis=1), bulk, rtol=1e-10, atol=1e-12)
+
+
+def test_sedimenting_spheres_without_neighbours_fall_with_the_stokes_velocity(tmp_path):
+    """Quiescent fluid, far field self, no neighbour within the cutoff: U = F/(6 pi eta0 a), one force unit = speed 1."""
+    config = from_dict({
+        "particles": {"number": 1, "volume_fraction": 0.001},
+        "flow": {"type": "quiescent", "rate": 2.0},
+        "duration": {"strain": 1.0},
+        "external": {"force": [0.0, -1.0, 0.0], "torque": [0.0, 0.0, 0.0]},
+    })  # fmt: skip
+    run(config, tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        moved = stored.frame(-1)["unwrapped"][0] - stored.frame(0)["unwrapped"][0]
+    assert np.allclose(moved, [0.0, -1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("flow", [{"type": "steady"}, {"type": "reversal", "reversal_strain": 1.0}])
+def test_steady_and_reversed_shear_run(tmp_path, flow):
+    """The strain recorded is the integral of the rate; a reversal comes back to zero strain."""
+    config = from_dict({
+        "particles": {"number": 15, "volume_fraction": 0.3},
+        "flow": flow,
+        "duration": {"strain": 2.0},
+        "repulsion": {"force": 10.0},
+        "output": {"samples_per_cycle": 16},
+    })  # fmt: skip
+    run(config, tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        assert stored.cycles == 2
+        expected = 2.0 if flow["type"] == "steady" else 0.0
+        assert stored.frame(-1)["strain"] == pytest.approx(expected, abs=1e-12)
+    assert (tmp_path / "r" / "viscosity.csv").read_text().count("\n") == 3
+
+
+def test_interrupted_runs_continue_bit_for_bit(tmp_path):
+    """Stopped after every single step by the time limit, the run ends with the very same bits."""
+    config = scene(30, 0.4, duration__cycles=2)
+    run(config, tmp_path / "whole")
+    for _ in range(1000):
+        try:
+            run(config, tmp_path / "parts", max_time=0.0)
+            break
+        except Interrupted as stop:
+            assert stop.exit_code == 130
+    assert_identical(contents(tmp_path / "parts"), contents(tmp_path / "whole"))
+    assert (tmp_path / "parts" / "moduli.csv").read_bytes() == (tmp_path / "whole" / "moduli.csv").read_bytes()
+
+
+def test_extended_run_is_the_longer_run(tmp_path):
+    """Two cycles, then two more: the same bits as four at once."""
+    run(scene(20, 0.3, duration__cycles=2), tmp_path / "parts")
+    run(scene(20, 0.3, duration__cycles=4), tmp_path / "parts")
+    run(scene(20, 0.3, duration__cycles=4), tmp_path / "whole")
+    assert_identical(contents(tmp_path / "parts"), contents(tmp_path / "whole"))
+
+
+def test_killed_runs_lose_no_completed_cycle(tmp_path):
+    """kill -9 at random instants, then the same command again: the same bits as an undisturbed run."""
+    config = scene(30, 0.4, duration__cycles=6)
+    run(config, tmp_path / "whole")
+    (tmp_path / "c.yaml").write_text(config.to_yaml())
+    command = [sys.executable, "-m", "suspend_cli", "run", str(tmp_path / "c.yaml"), "--output", str(tmp_path / "r")]
+    random = np.random.default_rng(7)
+    done = 0
+    for _ in range(6):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(random.uniform(1.2, 2.6))
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        if (tmp_path / "r" / "trajectory.h5").exists():
+            with Run(tmp_path / "r") as stored:
+                assert stored.cycles >= done
+                done = stored.cycles
+    subprocess.run(command, check=True, capture_output=True)
+    assert_identical(contents(tmp_path / "r"), contents(tmp_path / "whole"))
+
+
+def test_sigterm_writes_a_checkpoint(tmp_path):
+    """SIGTERM ends with exit code 130 and a checkpoint that the same command continues from."""
+    config = scene(60, 0.4, duration__cycles=400)
+    (tmp_path / "c.yaml").write_text(config.to_yaml())
+    command = [sys.executable, "-m", "suspend_cli", "run", str(tmp_path / "c.yaml"), "--output", str(tmp_path / "r")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    while not (tmp_path / "r" / "checkpoint.npz").exists():
+        time.sleep(0.05)
+        assert process.poll() is None
+    time.sleep(0.5)
+    process.terminate()
+    _, error = process.communicate(timeout=60)
+    assert process.returncode == 130, error
+    assert "checkpoint" in error and "Traceback" not in error
+
+
+def test_another_configuration_is_refused(tmp_path):
+    """A folder with a run of another configuration is left alone, and the differing key is named."""
+    run(scene(5, 0.2, duration__cycles=1), tmp_path / "r")
+    with pytest.raises(ConfigurationError, match="flow.amplitude"):
+        run(scene(5, 0.2, duration__cycles=1, flow__amplitude=0.5), tmp_path / "r")
+
+
+def test_evaluation_limit_is_an_error_that_says_where(tmp_path):
+    """integrator.max_evaluations ends a run with a numerical error; completed cycles stay."""
+    with pytest.raises(NumericalError, match=r"max_evaluations.*cycle 0"):
+        run(scene(20, 0.3, integrator__max_evaluations=30), tmp_path / "r")
+
+
+def test_plan_names_terms_that_are_off():
+    """Every term is in the plan, on or off."""
+    text = "\n".join(make_plan(scene(5, 0.2, repulsion="null")).lines())
+    assert "repulsion" in text and "off" in text and "no FFT" in text
+
+
+def test_nothing_of_the_far_field_is_imported(tmp_path):
+    """With far_field self no FFT exists in the process."""
+    code = (
+        "import sys; sys.path.insert(0, '.'); from suspend.config import load; from suspend.simulation import run;"
+        f"run(load({str(tmp_path / 'c.yaml')!r}), {str(tmp_path / 'r')!r}); assert 'pyfftw' not in sys.modules;"
+        "assert 'scipy.fft' not in sys.modules, 'fft'"
+    )
+    (tmp_path / "c.yaml").write_text(scene(5, 0.2, duration__cycles=1).to_yaml())
+    subprocess.run([sys.executable, "-c", code], check=True, env=os.environ)
