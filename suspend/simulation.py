@@ -57,8 +57,9 @@ class Summary:
         return [
             f"{f['directory']}: {f['cycles']} cycles, total strain {f['total_strain']:.6g}, {f['seconds']:.1f} s, "
             f"{f['evaluations']} velocity evaluations ({f['evaluations'] / max(f['strain_now'], 1e-300):.0f} per unit "
-            f"strain), {f['iterations'] / f['evaluations']:.1f} iterations each, smallest gap {f['minimum_gap']:.3g} a, "
-            f"rejected steps {f['rejected_overlap']} (overlap) {f['rejected_error']} (error)"
+            f"strain), {f['iterations'] / f['evaluations']:.1f} iterations each, "
+            f"smallest gap {f['minimum_gap']:.3g} a, rejected steps {f['rejected_overlap']} (overlap) "
+            f"{f['rejected_error']} (error)"
         ]
 
 

@@ -106,7 +106,7 @@ def test_stress_of_the_spheres_adds_up(tmp_path):
 
 
 def test_sedimenting_spheres_without_neighbours_fall_with_the_stokes_velocity(tmp_path):
-    """Quiescent fluid, far field self, no neighbour within the cutoff: U = F/(6 pi eta0 a), one force unit = speed 1."""
+    """Quiescent fluid, no neighbour within the cutoff: U = F/(6 pi eta0 a), so one force unit gives speed 1."""
     config = from_dict({
         "particles": {"number": 1, "volume_fraction": 0.001},
         "flow": {"type": "quiescent", "rate": 2.0},
@@ -199,7 +199,7 @@ def test_sigterm_writes_a_checkpoint(tmp_path):
 def test_another_configuration_is_refused(tmp_path):
     """A folder with a run of another configuration is left alone, and the differing key is named."""
     run(scene(5, 0.2, duration__cycles=1), tmp_path / "r")
-    with pytest.raises(ConfigurationError, match="flow.amplitude"):
+    with pytest.raises(ConfigurationError, match=r"flow\.amplitude"):
         run(scene(5, 0.2, duration__cycles=1, flow__amplitude=0.5), tmp_path / "r")
 
 

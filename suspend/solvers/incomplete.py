@@ -35,7 +35,7 @@ class Factor(NamedTuple):
 
 @scalar
 def cholesky(block, low):
-    """Lower Cholesky factor of a symmetric positive definite 6 x 6 block; False if a pivot is not positive."""
+    """Lower Cholesky factor of an SPD 6 x 6 block; False if a pivot is not positive."""
     for c in range(6):
         s = block[c, c]
         for k in range(c):
