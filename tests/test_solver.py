@@ -132,8 +132,7 @@ def test_one_pair_near_contact(gap, kind):
     solution.
 
     |error_i| <= the whole error's drag norm <= energy norm <= 3 x tolerance x norm of the velocities.
-    Assembly at a
-    gap of 1e-8 loses eight digits of the gap; both solutions share it. Fewer than 200 iterations.
+    Assembly at a gap of 1e-8 loses eight digits of the gap; both solutions share it. Fewer than 200 iterations.
     """
     position, edge, i, j = with_near_contact(gap)
     near = near_field(position, edge)
