@@ -103,12 +103,8 @@ def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, 
 
 
 @parallel_kernel
-def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
-    """Add the pair forces within centre distance `reach` to `load` (N, 6).
-
-    Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a;
-    smallest gap within `reach`; number of overlapping pairs).
-    """
+def _pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
+    """Every thread's virial stress, smallest gap and overlaps; reductions in here would depend on the threads."""
     threads = chunks.shape[0] - 1
     partial = np.zeros((threads, load.shape[0], 6))
     stress = np.zeros((threads, 6))
@@ -132,6 +128,16 @@ def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load)
         )
     for t in range(threads):
         load += partial[t]
+    return stress, smallest, overlaps
+
+
+def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
+    """Add the pair forces within centre distance `reach` to `load` (N, 6).
+
+    Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a;
+    smallest gap within `reach`; number of overlapping pairs).
+    """
+    stress, smallest, overlaps = _pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load)
     return stress.sum(axis=0), smallest.min(), overlaps.sum()
 
 

@@ -1,8 +1,8 @@
 """The one compiler setting of the package.
 
 `error_model="numpy"` keeps host and device arithmetic alike (inf instead of an exception) and is faster.
-`reassoc` lets the compiler vectorise sums on the CPU; the order of summation is then fixed at compile time,
-so results stay bit-identical from run to run on one machine.
+The only freedom given to the compiler is the fused multiply-add. With `reassoc`, code compiled in the process and the
+same code loaded from the cache summed in different orders (and no faster), so runs were not reproducible bit for bit.
 """
 
 from __future__ import annotations
@@ -10,6 +10,6 @@ from __future__ import annotations
 from numba import njit
 
 scalar = njit(error_model="numpy", cache=True)
-_SUMS = {"contract", "reassoc", "nsz"}
-kernel = njit(error_model="numpy", cache=True, nogil=True, fastmath=_SUMS)
-parallel_kernel = njit(error_model="numpy", cache=True, parallel=True, fastmath=_SUMS)
+_FUSED = {"contract"}
+kernel = njit(error_model="numpy", cache=True, nogil=True, fastmath=_FUSED)
+parallel_kernel = njit(error_model="numpy", cache=True, parallel=True, fastmath=_FUSED)

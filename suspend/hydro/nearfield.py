@@ -119,7 +119,7 @@ def _stresslet(chunks, active, scalars, velocity, strain_rate):
     partial = np.zeros((chunks.shape[0] - 1, 6))
     for t in numba.prange(chunks.shape[0] - 1):
         stresslet_rows(chunks[t], chunks[t + 1], active, scalars, velocity, strain_rate, partial[t])
-    return partial.sum(axis=0)
+    return partial  # summed outside: a reduction in here would depend on the number of threads
 
 
 class NearField:
@@ -188,7 +188,7 @@ class NearField:
 
     def stresslet(self, velocity: np.ndarray, strain_rate: np.ndarray) -> np.ndarray:
         """Sum over the spheres of -R_SU^nf velocity + R_SE^nf : E, six components."""
-        return _stresslet(self.chunks, self.active, self.scalars, velocity, strain_rate)
+        return _stresslet(self.chunks, self.active, self.scalars, velocity, strain_rate).sum(axis=0)
 
     def stresslet_of_each(self, odd: PairTable, position, edge, tilt, velocity, strain_rate) -> np.ndarray:
         """The same for every sphere, (N, 6); `odd` is `pair_table(..., odd=True)` of the same cutoff."""

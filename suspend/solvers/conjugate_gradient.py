@@ -49,6 +49,15 @@ def _dot(a, b):
 
 
 @kernel
+def _total(values):
+    """Sum in fixed order: the parallel kernel's own reductions would depend on the number of threads."""
+    s = 0.0
+    for value in values:
+        s += value
+    return max(s, 0.0)
+
+
+@kernel
 def _drag_norm2(velocity, drag, rotational_drag):
     """velocity . R_self . velocity."""
     s = 0.0
@@ -112,7 +121,7 @@ def conjugate_gradient(active, scalars, factor, chunks, load, velocity, drags, t
         if gain == 0.0:
             return iteration, 0.0
         if iteration >= DELAY:
-            error2 = max(np.sum(decrease), 0.0)
+            error2 = _total(decrease)
             if error2 <= target2:
                 break
         if iteration >= limit or not gain > 0.0:
