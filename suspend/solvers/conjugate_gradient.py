@@ -16,7 +16,7 @@ from suspend.core.jit import kernel, parallel_kernel
 from suspend.core.pairs import apply_rows
 from suspend.solvers.incomplete import apply_factor
 
-DELAY = 3  # iterations over which the decrease of the error is summed
+DELAY = 2  # iterations over which the decrease of the error is summed
 
 
 @kernel
