@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+import numba
 import numpy as np
 
 import suspend
@@ -86,6 +87,7 @@ class Simulation:
     def __init__(self, config: Config, threads: int, edge: float | None = None):
         self.config, self.flow, self.units = config, make_flow(config), make_units(config)
         self.suspension = make_suspension(config, threads, edge)
+        numba.set_num_threads(self.suspension.threads)  # idle threads would spin
         integrator, output = config.integrator, config.output
         settings = StepSettings(
             integrator.tolerance,
@@ -294,14 +296,10 @@ def run(
 
 
 def _use_threads(threads: int | None) -> int:
-    import numba
-
     available = numba.config.NUMBA_NUM_THREADS
     if threads is not None and not 1 <= threads <= available:
         raise ConfigurationError(f"threads: {threads}; this process can use 1 to {available}")
-    used = threads or available
-    numba.set_num_threads(used)
-    return used
+    return threads or available
 
 
 def _table(config: Config) -> CycleTable:
@@ -330,7 +328,6 @@ def _start(config: Config, directory: Path, threads: int, say) -> tuple[Simulati
 
 def _meta(config: Config, initial, threads: int) -> dict:
     import h5py
-    import numba
     import scipy
 
     units = make_units(config)
