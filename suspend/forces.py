@@ -15,6 +15,7 @@ import numba
 import numpy as np
 
 from suspend.core.jit import kernel, parallel_kernel, scalar
+from suspend.core.pairs import separation
 
 NEGLIGIBLE = 1e-13  # force (F_stk) below which the repulsion is not evaluated
 
@@ -77,9 +78,7 @@ def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, 
     for i in range(first, last):
         for p in range(offset[i], offset[i + 1]):
             j = pairs[p, 1]
-            dx = position[j, 0] - position[i, 0] + edge * (pairs[p, 2] + tilt * pairs[p, 3])
-            dy = position[j, 1] - position[i, 1] + edge * pairs[p, 3]
-            dz = position[j, 2] - position[i, 2] + edge * pairs[p, 4]
+            dx, dy, dz = separation(pairs, p, position, edge, tilt)
             r2 = dx * dx + dy * dy + dz * dz
             if r2 >= reach * reach:
                 continue

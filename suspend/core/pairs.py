@@ -86,6 +86,17 @@ class ActivePairs(NamedTuple):
     gap: np.ndarray  # (P,) surface gap h, radii
 
 
+@scalar
+def separation(pairs, p, position, edge, tilt):
+    """Vector from sphere i to the image of sphere j that row p of a neighbour list names (three floats)."""
+    i, j = pairs[p, 0], pairs[p, 1]
+    return (
+        position[j, 0] - position[i, 0] + edge * (pairs[p, 2] + tilt * pairs[p, 3]),
+        position[j, 1] - position[i, 1] + edge * pairs[p, 3],
+        position[j, 2] - position[i, 2] + edge * pairs[p, 4],
+    )
+
+
 @kernel
 def assemble_rows(first, last, pairs, offset, position, edge, tilt, table, active, scalars):
     """Scalars of the pairs of spheres first:last that are closer than the cutoff, packed sphere by sphere.
@@ -99,9 +110,7 @@ def assemble_rows(first, last, pairs, offset, position, edge, tilt, table, activ
         active.row[i, 0] = q
         for p in range(offset[i], offset[i + 1]):
             j = pairs[p, 1]
-            dx = position[j, 0] - position[i, 0] + edge * (pairs[p, 2] + tilt * pairs[p, 3])
-            dy = position[j, 1] - position[i, 1] + edge * pairs[p, 3]
-            dz = position[j, 2] - position[i, 2] + edge * pairs[p, 4]
+            dx, dy, dz = separation(pairs, p, position, edge, tilt)
             r2 = dx * dx + dy * dy + dz * dz
             if r2 >= table.cutoff * table.cutoff:
                 continue
