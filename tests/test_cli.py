@@ -119,7 +119,7 @@ def test_version():
             ["run", DEMO, "--set", "flow.amplitud=1"],
             "--set: flow.amplitud: unknown key; did you mean amplitude?",
         ),
-        (["run", DEMO, "--set", "far_field=ewald", "--dry-run"], "not in this version"),
+        (["run", DEMO, "--set", "far_field=ewld", "--dry-run"], "must be ewald | self | identity; did you mean"),
         (["analyze", "run", "--plot", "a.jpeg"], "must end in .png, .pdf"),
         (["analyze", "run", "--last", "0"], "0 is not in the range"),
         (["init", "."], "is a folder"),

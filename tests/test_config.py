@@ -48,7 +48,8 @@ def test_defaults_are_those_of_the_schema():
             assert getattr(config, name) is None
             continue
         for inner, key in keys_of(part.cls).items():
-            if inner not in BASE.get(name, {}) and (key.only is None) and key.group is None:
+            follows = (name, inner) in (("integrator", "tolerance"), ("solver", "tolerance"))
+            if inner not in BASE.get(name, {}) and key.only is None and key.group is None and not follows:
                 assert getattr(getattr(config, name), inner) == key.default
     assert (config.seed, config.far_field) == (1, "self")
     assert config.flow.omega == 1.0
@@ -167,14 +168,14 @@ def test_all_errors_at_once_with_file_and_line():
     lines = complaint("solver.tolerance=2", text=text).splitlines()
     assert lines[0] == "6 errors in the configuration a.yaml"
     assert [line.strip() for line in lines[1:]] == [
-        "a.yaml:11: colour: unknown key; there are seed, far_field, particles, fluid, flow, duration,"
-        " lubrication, repulsion, contact, external, integrator, solver, output",
+        "a.yaml:11: colour: unknown key; there are seed, tolerance, far_field, particles, fluid, flow,"
+        " duration, ewald, lubrication, repulsion, contact, external, integrator, solver, output",
         "a.yaml:2: particles.numbr: unknown key; did you mean number?",
         "a.yaml:1: particles.number: is missing; must be an integer >= 1 and <= 10000000"
         " (number of spheres N)",
         "a.yaml:6: flow.amplitude: found -1; must be a number >= 1e-08 and <= 10000 [strain]",
         "a.yaml:10: repulsion.force: found 'strong'; must be a number >= 0 and <= 1e+12 [F_stk]",
-        "--set: solver.tolerance: found 2; must be a number >= 1e-14 and <= 0.1",
+        "--set: solver.tolerance: found 2; must be a number >= 1e-14 and <= 0.1 or null",
     ]
 
 
@@ -258,6 +259,10 @@ def test_overrides():
         (["flow.type=steady", "flow.amplitude=null", "flow.phase=0", "duration.strain=1"], "flow.phase"),
         (["particles.frame=0"], "particles.frame"),
         (["particles.initial=a.xyz", "particles.minimum_gap=0.1"], "particles.minimum_gap"),
+        (["ewald={}"], "ewald"),
+        (["ewald.tolerance=1e-4"], "ewald"),
+        (["far_field=identity", "ewald.split=pswf"], "ewald"),
+        (["solver.far_tolerance=1e-4"], "solver.far_tolerance"),
     ],
 )
 def test_keys_that_do_not_belong(overrides, key):
@@ -271,7 +276,13 @@ def test_keys_that_do_not_belong(overrides, key):
         (["contact.stiffness=1e4"], "contact"),
         (["lubrication.minimum_gap=2"], "lubrication.minimum_gap"),
         (["lubrication.cutoff=2"], "lubrication.cutoff"),
-        (["far_field=ewald"], "far_field"),
+        (["far_field=ewld"], "far_field"),
+        (["far_field=ewald", "ewald.tolerance=1e-11"], "ewald.tolerance"),
+        (["far_field=ewald", "ewald.grid=[16, 16]"], "ewald.grid"),
+        (["far_field=ewald", "ewald.grid=[16, 16, 16.0]"], "ewald.grid"),
+        (["far_field=ewald", "ewald.grid=[16, 16, 6]", "ewald.support=8"], "ewald.grid"),
+        (["far_field=ewald", "particles.number=1", "particles.volume_fraction=0.55"], "particles.number"),
+        (["tolerance=0.1"], "tolerance"),
         (["integrator.method=rk2"], "integrator.step"),
         (["integrator.min_step=0.2"], "integrator.min_step"),
         (["output.samples_per_cycle=18"], "output.samples_per_cycle"),
@@ -295,6 +306,36 @@ def test_keys_that_do_not_belong(overrides, key):
 )
 def test_impossible_combinations_and_values(overrides, key):
     assert f": {key}: " in complaint(*overrides)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "expected"),
+    [
+        ([], (1e-3, 1e-5, 1e-3, 1e-3)),
+        (["tolerance=1e-4"], (1e-4, 1e-6, 1e-4, 1e-4)),
+        (["tolerance=1e-4", "integrator.tolerance=2e-3"], (2e-3, 1e-6, 1e-4, 1e-4)),
+        (["solver.tolerance=3e-6", "ewald.tolerance=1e-5"], (1e-3, 3e-6, 1e-3, 1e-5)),
+        (["solver.far_tolerance=1e-6", "ewald.tolerance=null"], (1e-3, 1e-5, 1e-6, 1e-3)),
+    ],
+)
+def test_tolerances_follow_from_the_one_of_the_run(overrides, expected):
+    """Integrator, near-field solve, coupled solve, Ewald sum: 1, 1/100, 1, 1 times the run's, unless given."""
+    config = loads(TEXT, overrides=["far_field=ewald", *overrides])
+    found = (
+        config.integrator.tolerance, config.solver.tolerance, config.solver.far_tolerance, config.ewald.tolerance,
+    )  # fmt: skip
+    assert found == pytest.approx(expected, rel=1e-15)
+    assert loads(config.to_yaml()) == config and from_dict(config.to_dict()) == config
+
+
+def test_the_far_field_has_its_section_where_it_is_on_only():
+    """far_field: ewald needs no section; without it nothing of the section is in the configuration."""
+    config = loads(TEXT, overrides=["far_field=ewald", "ewald.grid=[24, 28, 24]", "ewald.support=6"])
+    assert config.ewald.grid == (24, 28, 24) and config.ewald.split is config.ewald.cutoff is None
+    assert loads(config.to_yaml()) == config
+    off = loads(TEXT, overrides=["ewald=null", "solver.far_tolerance=null"])
+    assert off == loads(TEXT) and off.ewald is None and "far_tolerance" not in off.to_yaml()
+    assert "far_field is self, must be ewald; remove it" in complaint("ewald.grid=[8, 8, 8]")
 
 
 def test_contact_that_can_act_is_accepted():
@@ -428,9 +469,10 @@ def test_keys_in_comments_of_the_reference_are_right_when_uncommented():
     """Optional terms switched on by removing '# ' have the defaults of the schema."""
     lines, on = [], False
     for line in reference().splitlines():
-        on = line.startswith(("# repulsion:", "# external:")) or (on and line.startswith("#   "))
+        on = line.startswith(("# repulsion:", "# external:", "# ewald:")) or (on and line.startswith("#   "))
         lines.append(line[2:] if on else line)
-    config = loads("\n".join(lines))
+    config = loads("\n".join(lines), overrides=["far_field=ewald"])
+    assert config.ewald == loads(TEXT, overrides=["far_field=ewald"]).ewald
     assert config.repulsion == loads(TEXT, overrides=["repulsion={}"]).repulsion
     assert config.external == loads(TEXT, overrides=["external={}"]).external
 

@@ -1,6 +1,6 @@
 """What keys must satisfy together. Each check sees the values that are right by themselves.
 
-The frequency is resolved to omega here, too.
+The frequency is resolved to omega here, too, and the tolerances that follow from the run's.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from suspend.config.schema import DENSEST_RANDOM
+from suspend.config.schema import DENSEST_RANDOM, NEAR_SHARE
 from suspend.config.tree import Problems
 
 HARMONICS = 9  # analysed of the stress; a Fourier sum of n samples resolves harmonics below n/2
@@ -31,8 +31,11 @@ def check_consistency(values: Values, places: dict[str, str], problems: Problems
     def complain(key: str, message: str) -> None:
         problems.add(places.get(key, places[""]), key, message)
 
-    for check in (_packing, _initial, _frequency, _duration, _lubrication, _contact, _integrator, _output):
+    for check in (
+        _packing, _initial, _frequency, _duration, _ewald, _lubrication, _contact, _integrator, _output,
+    ):  # fmt: skip
         check(values, complain)
+    _resolve_tolerances(values)
 
 
 def _all(section: Values | None, *names: str) -> list | None:
@@ -91,6 +94,37 @@ def _duration(values: Values, complain: Complain) -> None:
             "flow.reversal_strain",
             f"found {found[0]:g}; must be below duration.strain, {strain:g}, the end of the run",
         )
+
+
+def _ewald(values: Values, complain: Complain) -> None:
+    if values.get("far_field") != "ewald":
+        return
+    found = _all(values["particles"], "number", "volume_fraction")
+    if found:
+        edge = (found[0] * 4.0 * math.pi / (3.0 * found[1])) ** (1.0 / 3.0)
+        if edge < 2.0:
+            complain(
+                "particles.number",
+                f"{found[0]} at volume fraction {found[1]:g} fill a cell of edge {edge:.4g} radii, in which a"
+                " sphere overlaps its own image (edge < 2): the cell is too small for far_field: ewald; take"
+                " more spheres or a lower volume fraction",
+            )
+    found = _all(values["ewald"], "grid", "support")
+    if found and min(found[0]) < found[1]:
+        complain("ewald.grid", f"found {list(found[0])}; must be >= ewald.support, {found[1]}, everywhere")
+
+
+def _resolve_tolerances(values: Values) -> None:
+    """Put what follows from the run's tolerance in the place of null."""
+    tolerance = values.get("tolerance")
+    if tolerance is None:
+        return
+    shares = [("integrator", "tolerance", 1.0), ("solver", "tolerance", NEAR_SHARE)]
+    if values.get("far_field") == "ewald":
+        shares += [("solver", "far_tolerance", 1.0), ("ewald", "tolerance", 1.0)]
+    for section, name, share in shares:
+        if values[section] is not None and values[section].get(name, 0.0) is None:
+            values[section][name] = share * tolerance
 
 
 def _lubrication(values: Values, complain: Complain) -> None:

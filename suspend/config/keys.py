@@ -14,11 +14,15 @@ REQUIRED = object()  # stands for "no default"
 
 
 class Only(NamedTuple):
-    """Condition for a key to exist: the sibling key `key` has one of `values` (or, negated, none of them)."""
+    """Condition for a key or section to exist: `key` has one of `values` (or, negated, none of them).
+
+    `key` is a sibling, or with `top` a key of the top level.
+    """
 
     key: str
     values: tuple[str, ...]
     negated: bool = False
+    top: bool = False
 
     def holds(self, value: Any) -> bool:
         """Whether the key exists when its sibling has this value."""
@@ -29,7 +33,7 @@ class Only(NamedTuple):
 class Key:
     """One key. `default` REQUIRED: must be given; None: may be null. `example` is for the reference file."""
 
-    kind: str  # integer, number, switch, choice, text, numbers
+    kind: str  # integer, number, switch, choice, text, numbers, integers
     meaning: str
     unit: str = ""
     default: Any = REQUIRED
@@ -64,6 +68,8 @@ class Key:
         if self.kind == "numbers":
             count = f"a list of {self.length} numbers" if self.length else "a list of numbers"
             return f"{count} {bounds}".strip() + null
+        if self.kind == "integers":
+            return f"a list of {self.length} integers {bounds}".strip() + null
         words = {"integer": "an integer", "number": "a number", "switch": "true | false", "text": "text"}
         return f"{words[self.kind]} {bounds}".strip() + null
 
@@ -78,11 +84,15 @@ class Key:
 
 
 class Section(NamedTuple):
-    """A section: its dataclass, what it is for, and whether the term is off where it is absent or null."""
+    """A section: its dataclass, what it is for, and whether the term is off where it is absent or null.
+
+    A section with a condition `only` is there, with its defaults, where that holds, and nowhere else.
+    """
 
     cls: type
     meaning: str
     optional: bool = False
+    only: Only | None = None
 
 
 def key(kind: str, meaning: str, **properties: Any) -> Any:
@@ -90,9 +100,9 @@ def key(kind: str, meaning: str, **properties: Any) -> Any:
     return _field(properties.get("default", REQUIRED), key=Key(kind, meaning, **properties))
 
 
-def section(cls: type, meaning: str, *, optional: bool = False) -> Any:
+def section(cls: type, meaning: str, *, optional: bool = False, only: Only | None = None) -> Any:
     """Dataclass field of a section; an optional one is None where the term is off."""
-    return _field(None if optional else REQUIRED, section=Section(cls, meaning, optional))
+    return _field(None if optional else REQUIRED, section=Section(cls, meaning, optional, only))
 
 
 def _field(default: Any, **metadata: Any) -> Any:

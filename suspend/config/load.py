@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from suspend.config.checks import check_consistency
-from suspend.config.keys import Key, Section, keys_of, sections_of
+from suspend.config.keys import Key, Only, Section, keys_of, sections_of
 from suspend.config.schema import Config, every_key
 from suspend.config.tree import Item, Problems, from_python, parse, scalar
 from suspend.errors import ConfigurationError, StorageError
@@ -125,6 +125,7 @@ class _Reader:
     def __init__(self, problems: Problems):
         self.problems = problems
         self.places: dict[str, str] = {}
+        self.top: dict[str, Any] = {}  # values of the top-level keys
 
     def root(self, item: Item) -> dict[str, Any]:
         """Values of the whole configuration: sections are dicts, None where a term is off."""
@@ -134,13 +135,20 @@ class _Reader:
             if name not in keys and name not in sections:
                 self.problems.add(child.where, name, f"unknown key{_suggestion(name, '')}")
         values = self._keys(item, keys, "")
+        self.top = dict(values)
         for name, part in sections.items():
             values[name] = self._section(name, part, item.value.get(name))
         return values
 
     def _section(self, name: str, part: Section, item: Item | None) -> dict[str, Any] | None:
         absent = item is None or item.value is None or (part.optional and item.value is False)
-        if absent and part.optional:
+        if part.only is not None and part.only.key not in self.top:
+            return None  # the deciding key is itself wrong
+        there = part.only is not None and part.only.holds(self.top[part.only.key])
+        if part.only is not None and not there and not absent:
+            self.problems.add(item.where, name, _misplaced(part.only, self.top[part.only.key], ""))
+            return None
+        if absent and part.optional and not there:
             return None
         if absent:
             item = Item({}, item.where if item else self.places[""].partition(":")[0], "")
@@ -164,12 +172,13 @@ class _Reader:
             child = item.value.get(name)
             dotted = f"{section}.{name}" if section else name
             self.places[dotted] = child.where if child else item.where
-            if key.only is not None and key.only.key not in values:
+            deciding = self.top if key.only is not None and key.only.top else values
+            if key.only is not None and key.only.key not in deciding:
                 continue  # the deciding key is itself wrong: nothing can be said about this one
-            if key.only is not None and not key.only.holds(values[key.only.key]):
+            if key.only is not None and not key.only.holds(deciding[key.only.key]):
                 values[name] = None
                 if child is not None and child.value is not None:
-                    message = _misplaced(key, values[key.only.key], section)
+                    message = _misplaced(key.only, deciding[key.only.key], section)
                     self.problems.add(child.where, dotted, message)
             elif key.group is not None:
                 self._member(name, keys, item, section, values)
@@ -232,6 +241,10 @@ def convert(key: Key, item: Item) -> Any:
         return value if isinstance(value, str) and value.strip() and "\0" not in value else None
     if not isinstance(value, list) or not value or (key.length is not None and len(value) != key.length):
         return None
+    if key.kind == "integers":
+        result = tuple(entry.value for entry in value)
+        whole = all(isinstance(n, int) and not isinstance(n, bool) and key.within(n) for n in result)
+        return result if whole else None
     result = tuple(_number(key, entry.value) for entry in value)
     return None if None in result else result
 
@@ -279,9 +292,9 @@ def _unit(key: Key) -> str:
     return f" [{key.unit}]" if key.unit else ""
 
 
-def _misplaced(key: Key, decided: str, section: str) -> str:
-    condition = f"{'not ' if key.only.negated else ''}{' | '.join(key.only.values)}"
-    decider = f"{section}.{key.only.key}" if section else key.only.key
+def _misplaced(only: Only, decided: str, section: str) -> str:
+    condition = f"{'not ' if only.negated else ''}{' | '.join(only.values)}"
+    decider = f"{section}.{only.key}" if section and not only.top else only.key
     return f"does not belong here: {decider} is {decided}, must be {condition}; remove it or set it to null"
 
 
@@ -290,7 +303,9 @@ def _suggestion(name: str, section: str) -> str:
     top = [*keys_of(Config), *sections_of(Config)]
     known = list(keys_of(sections_of(Config)[section].cls)) if section else top
     wanted = name.lower().replace("-", "_")
+    dotted = "." in wanted and not section  # of a key in a section that there is not: no top-level key
     close = difflib.get_close_matches(wanted.rpartition(".")[2] if section else wanted, known, 1, 0.7)
+    close = [] if dotted else close
     if close:
         return f"; did you mean {close[0]}?"
     table = every_key()
@@ -299,7 +314,7 @@ def _suggestion(name: str, section: str) -> str:
     near = difflib.get_close_matches(wanted, table, 1, 0.7)
     last = difflib.get_close_matches(wanted, [d.rpartition(".")[2] for d in table], 1, 0.8)
     near = near or [d for d in table if last and d.rpartition(".")[2] == last[0]]
-    for found in (symbol, elsewhere, near):
+    for found in (near, symbol, elsewhere) if dotted else (symbol, elsewhere, near):
         if found:
             return f"; did you mean {' or '.join(found[:3])}?"
     return f"; {section + ' has' if section else 'there are'} {', '.join(known)}"

@@ -61,13 +61,7 @@ def commented(head: str, on: tuple[str, ...] = ()) -> str:
 
 
 def _section(name: str, part: Section, on: bool) -> str:
-    state = (
-        ""
-        if not part.optional
-        else " (optional: on)"
-        if on
-        else " (optional: off; uncomment to switch it on)"
-    )
+    state = "" if not part.optional else " (optional: on)" if on else f" (optional: off; {_remedy(part)})"
     lines = _wrapped(f"{part.meaning}{state}", "# ")
     body = [f"{name}:"]
     chosen = _chosen(part.cls)
@@ -77,12 +71,19 @@ def _section(name: str, part: Section, on: bool) -> str:
     return "\n".join(lines + body)
 
 
+def _remedy(part: Section) -> str:
+    if part.only is None:
+        return "uncomment to switch it on"
+    return f"only if {part.only.key} is {' | '.join(part.only.values)}, which switches it on"
+
+
 def _chosen(cls: type) -> dict[str, Any]:
     """The values in the text: example or default; one only of keys that exclude each other."""
     values: dict[str, Any] = {}
     groups = set()
     for name, info in keys_of(cls).items():
-        if info.only is not None and not info.only.holds(values.get(info.only.key)):
+        deciding = _chosen(Config) if info.only is not None and info.only.top else values
+        if info.only is not None and not info.only.holds(deciding.get(info.only.key)):
             continue
         if info.group is not None:
             if info.group in groups or (info.default is None and name == "cycles"):

@@ -22,6 +22,9 @@ SCALE = {"least": 1e-30, "most": 1e30}  # of units: products of their powers sta
 OSCILLATORY = Only("type", ("oscillatory",))
 AT_A_RATE = Only("type", ("steady", "reversal", "quiescent"))
 REVERSAL = Only("type", ("reversal",))
+WITH_EWALD = Only("far_field", ("ewald",), top=True)
+FINEST, COARSEST = 1e-10, 1e-2  # tolerances: round-off of the Ewald sum; beyond, no digit is right
+NEAR_SHARE = 1e-2  # of the run's tolerance: that of the near-field velocity solve
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,6 +177,58 @@ class Duration:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Ewald:
+    """The Ewald sum of the far field; what is None is chosen from the tolerance and a cost model."""
+
+    tolerance: float = key(
+        "number",
+        "relative error of a mobility product (2-norm, random loads); null = the run's tolerance; below 1e-10"
+        " is round-off",
+        default=None,
+        least=FINEST,
+        most=COARSEST,
+    )
+    split: str | None = key(
+        "choice",
+        "how the kernel is split into a real-space and a wave-space part; null = the faster",
+        default=None,
+        choices=("gaussian", "pswf"),
+    )
+    cutoff: float | None = key(
+        "number",
+        "centre distance at which the real-space part ends; null = where the product is fastest",
+        unit="radii",
+        default=None,
+        least=0.1,
+        most=1000.0,
+        symbols=("rc", "r_c", "xi"),
+    )
+    grid: tuple[int, int, int] | None = key(
+        "integers",
+        "grid points along the three cell vectors; null = as the tolerance asks",
+        default=None,
+        length=3,
+        least=2,
+        most=4096,
+        symbols=("mesh", "m"),
+    )
+    window: str | None = key(
+        "choice",
+        "function that carries loads to the grid and velocities back; null = the fastest",
+        default=None,
+        choices=("gaussian", "kaiser-bessel", "pswf"),
+    )
+    support: int | None = key(
+        "integer",
+        "grid points under the window in each direction; null = as the tolerance asks",
+        default=None,
+        least=2,
+        most=32,
+        symbols=("p",),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Lubrication:
     """Near-field hydrodynamic interactions of pairs."""
 
@@ -287,9 +342,9 @@ class Integrator:
     )
     tolerance: float = key(
         "number",
-        "position error (rms) per unit of strain that steps are chosen for",
+        "position error (rms) per unit of strain that steps are chosen for; null = the run's tolerance",
         unit="radii/strain",
-        default=1e-3,
+        default=None,
         least=1e-13,
         most=0.1,
     )
@@ -317,10 +372,23 @@ class Integrator:
 
 @dataclass(frozen=True, kw_only=True)
 class Solver:
-    """Conjugate gradients for the velocities."""
+    """Iterative solves for the velocities."""
 
     tolerance: float = key(
-        "number", "relative error of the velocities (energy norm)", default=1e-5, least=1e-14, most=0.1
+        "number",
+        "near-field solve: relative error of the velocities (energy norm); null = a hundredth of the run's"
+        " tolerance",
+        default=None,
+        least=1e-14,
+        most=0.1,
+    )
+    far_tolerance: float | None = key(
+        "number",
+        "coupled solve of near and far field: true residual, relative; null = the run's tolerance",
+        default=None,
+        least=1e-12,
+        most=0.1,
+        only=WITH_EWALD,
     )
     max_iterations: int = key(
         "integer", "the run stops with an error where more are needed", default=2000, least=1, most=10**7
@@ -366,15 +434,24 @@ class Config:
     fluid: Fluid = section(Fluid, "suspending fluid")
     flow: Flow = section(Flow, "undisturbed flow u = gdot(t) y e_x (x flow, y gradient, z vorticity)")
     duration: Duration = section(Duration, "length of the run")
+    tolerance: float = key(
+        "number",
+        "accuracy of the run; integrator.tolerance, solver.tolerance, solver.far_tolerance and"
+        " ewald.tolerance follow from it unless they are given",
+        default=1e-3,
+        least=FINEST,
+        most=COARSEST,
+        symbols=("accuracy", "precision"),
+    )
     far_field: str = key(
         "choice",
-        "self: every sphere's own drag and stresslet; identity: the same with the factors of the authors'"
-        " code (rotational drag 3/4 and stresslet 9/5 of the right ones)",
+        "ewald: many-body, by an Ewald sum; self: every sphere's own drag and stresslet; identity: the same"
+        " with the factors of the authors' code (rotational drag 3/4 and stresslet 9/5 of the right ones)",
         default="self",
-        choices=("self", "identity"),
-        refused=(
-            ("ewald", "the Ewald far field is not in this version of suspend; use self (near field only)"),
-        ),
+        choices=("ewald", "self", "identity"),
+    )
+    ewald: Ewald | None = section(
+        Ewald, "Ewald sum of the far field; all follows from the tolerance", optional=True, only=WITH_EWALD
     )
     lubrication: Lubrication = section(Lubrication, "near-field hydrodynamic interactions of pairs")
     repulsion: Repulsion | None = section(
@@ -387,7 +464,7 @@ class Config:
         External, "force and torque on every sphere, gravity for one", optional=True
     )
     integrator: Integrator = section(Integrator, "time stepping")
-    solver: Solver = section(Solver, "conjugate gradients for the velocities")
+    solver: Solver = section(Solver, "iterative solves for the velocities")
     output: Output = section(Output, "what is stored")
     directory: str = dataclasses.field(default=".", compare=False)
 
@@ -399,7 +476,7 @@ class Config:
             if "key" in field.metadata:
                 result[field.name] = value
             elif "section" in field.metadata:
-                result[field.name] = None if value is None else _plain(value)
+                result[field.name] = None if value is None else _plain(value, self)
         return result
 
     def to_yaml(self) -> str:
@@ -409,11 +486,12 @@ class Config:
         return to_yaml(self.to_dict())
 
 
-def _plain(values: Any) -> dict[str, Any]:
+def _plain(values: Any, config: Config) -> dict[str, Any]:
     result = {}
     for name, info in keys_of(type(values)).items():
         value = getattr(values, name)
-        missing = info.only is not None and not info.only.holds(getattr(values, info.only.key))
+        deciding = config if info.only is not None and info.only.top else values
+        missing = info.only is not None and not info.only.holds(getattr(deciding, info.only.key))
         if missing or (info.group is not None and value is None):
             continue
         result[name] = list(value) if isinstance(value, tuple) else value
