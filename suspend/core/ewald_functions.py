@@ -15,7 +15,7 @@ from suspend.core.jit import kernel, scalar
 
 
 class WeightTable(NamedTuple):
-    """W(k) as polynomials: sum_{d<=7} coefficients[i, d] u^d with k^2 inv_dt = i + u, 0 beyond kmax2."""
+    """W(k) as polynomials: sum_{d<=7} coefficients[i, d] u^d with k^2 inv_dt = i + 1/2 + u, 0 beyond kmax2."""
 
     inv_dt: float
     kmax2: float
@@ -23,7 +23,7 @@ class WeightTable(NamedTuple):
 
 
 class RadialTable(NamedTuple):
-    """Wave part's f1 f2 g1 g2 h1 h2 h3: sum_{d<=7} coefficients[i, d, f] u^d with r inv_dr = i + u."""
+    """Wave part's f1 f2 g1 g2 h1 h2 h3: sum_{d<=7} coefficients[i, d, f] u^d with r inv_dr = i + 1/2 + u."""
 
     inv_dr: float
     coefficients: np.ndarray  # (intervals, 8, 7)
@@ -38,7 +38,7 @@ def wave_weight(table, k2):
     c = table.coefficients
     x = k2 * table.inv_dt
     i = min(int(x), c.shape[0] - 1)
-    u = x - i
+    u = x - i - 0.5
     low = c[i, 0] + u * (c[i, 1] + u * (c[i, 2] + u * c[i, 3]))
     high = c[i, 4] + u * (c[i, 5] + u * (c[i, 6] + u * c[i, 7]))
     u2 = u * u
@@ -89,7 +89,7 @@ def real_functions(table, r, out):
     c = table.coefficients
     x = r * table.inv_dr
     i = min(int(x), c.shape[0] - 1)
-    u = x - i
+    u = x - i - 0.5
     u2 = u * u
     u4 = u2 * u2
     for f in range(7):

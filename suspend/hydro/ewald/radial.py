@@ -71,13 +71,14 @@ def real_functions_exact(split, r: np.ndarray) -> np.ndarray:
 
 
 def interval_polynomials(function, end: float, intervals: int) -> np.ndarray:
-    """Coefficients (intervals, DEGREE+1, ...) of interpolants in u, x = (i + u) end/intervals, on [0, end].
+    """Coefficients (intervals, DEGREE+1, ...) of interpolants in u, x = (i + 1/2 + u) end/intervals.
 
-    function : from abscissae (n,) to values (n,) or (n, m). Chebyshev nodes in each interval.
+    function : from abscissae (n,) in [0, end] to values (n,) or (n, m). Chebyshev nodes in each interval; u is
+    counted from its middle, so that the powers do not amplify round-off.
     """
-    u = 0.5 * (1.0 - np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1)))
+    u = -0.5 * np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     to_power = np.linalg.inv(np.vander(u, increasing=True))
-    x = (np.arange(intervals)[:, None] + u) * (end / intervals)
+    x = (np.arange(intervals)[:, None] + (0.5 + u)) * (end / intervals)
     values = function(x.ravel())
     values = values.reshape(intervals, DEGREE + 1, *values.shape[1:])
     return np.ascontiguousarray(np.einsum("du,iu...->id...", to_power, values))
