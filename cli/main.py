@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 from suspend_cli.errors import guarded
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
+from suspend_cli.solve import solve
 
 import suspend
 
@@ -16,6 +17,7 @@ Examples:
   suspend init config.yaml             write a commented configuration
   suspend run config.yaml              run it, or continue it where it stopped
   suspend analyze runs/config          moduli of every cycle
+  suspend solve scene.npz              velocities of one configuration
 
 \b
 Exit codes: 0 done, 2 configuration or command line, 3 numerical, 4 files or disk,
@@ -220,6 +222,9 @@ def init(file, force) -> None:
 
     write_text(Path(file), starting_point(), force)
     click.echo(f"{file} written; next: suspend run {file}", err=True)
+
+
+cli.add_command(solve)
 
 
 def main(arguments: list[str] | None = None) -> None:

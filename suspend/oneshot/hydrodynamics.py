@@ -1,0 +1,99 @@
+"""Near and far field of one configuration, assembled once: the linear operators of the one-shot problems."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
+from suspend.hydro.neighbours import find_pairs
+from suspend.hydro.two_sphere_matrices import FIVE
+from suspend.oneshot.scene import Method, PeriodicScene
+
+CLOSE_GAP = 0.2  # radii: pairs below it enter the incomplete factorisation, as in runs
+
+
+class Hydrodynamics:
+    """Resistance of close pairs (`near`, None without lubrication) and far-field mobility (`mobility`, None
+    unless ewald) of a scene; `drags` and `self_stresslet` are those of a lone sphere otherwise.
+    """
+
+    def __init__(self, scene: PeriodicScene, method: Method):
+        method.check(scene)
+        self.scene, self.method = scene, method
+        self.position, self.tilt = scene.wrapped(), scene.reduced_tilt
+        identity = method.far_field == "identity"
+        self.drags = (1.0, 1.0 if identity else ROTATIONAL_DRAG)
+        self.self_stresslet = 2.0 if identity else SELF_STRESSLET
+        self.near = self.mobility = None
+        if method.far_field == "ewald":
+            self._place_far_field()
+        if method.lubrication.enabled:
+            self._assemble_near_field()
+
+    def _place_far_field(self) -> None:
+        from suspend.hydro.ewald.mobility import Mobility
+        from suspend.hydro.ewald.parameters import choose_parameters
+
+        scene, chosen = self.scene, by_hand(self.method.ewald)
+        parameters = choose_parameters(self.method.ewald_target, scene.number, scene.edge, **chosen)
+        self.mobility = Mobility(scene.edge, scene.number, parameters, self.method.threads)
+        pairs, offset = find_pairs(self.position, scene.edge, self.tilt, self.mobility.cutoff)
+        self.mobility.place(self.position, self.tilt, pairs, offset)
+
+    def _assemble_near_field(self) -> None:
+        from suspend.hydro.nearfield import NearField, pair_table
+
+        law = self.method.lubrication
+        self.table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
+        self.near = NearField(self.table, self.drags, self.method.threads)
+        pairs, offset = find_pairs(self.position, self.scene.edge, self.tilt, law.cutoff)
+        self.near.use_list(pairs, offset)
+        self.near.assemble(self.position, self.scene.edge, self.tilt)
+        self.near.precondition(CLOSE_GAP)
+
+    def strain_loads(self, strain_rate: np.ndarray) -> np.ndarray:
+        """R_FE^nf : E, (N, 6): loads of the near field on spheres held in the flow."""
+        if self.near is None:
+            return np.zeros((self.scene.number, 6))
+        return self.near.strain_loads(strain_rate)
+
+    def near_loads(self, velocity: np.ndarray) -> np.ndarray:
+        """R_FU^nf U', (N, 6): loads that move the spheres against the near field."""
+        loads = np.zeros((self.scene.number, 6))
+        if self.near is not None:
+            from suspend.core.pairs import apply_rows
+
+            apply_rows(0, self.scene.number, self.near.active, self.near.scalars, velocity, loads)
+        return loads
+
+    def near_stresslets(self, velocity: np.ndarray, strain_rate: np.ndarray) -> np.ndarray:
+        """-R_SU^nf U' + R_SE^nf : E of each sphere, (N, 3, 3), Brady's sign."""
+        result = np.zeros((self.scene.number, 3, 3))
+        if self.near is None:
+            return result
+        from suspend.hydro.nearfield import pair_table
+
+        law = self.method.lubrication
+        odd = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap, odd=True)
+        each = self.near.stresslet_of_each(
+            odd, self.position, self.scene.edge, self.tilt, velocity, strain_rate
+        )
+        for c, (a, b) in enumerate(COMPONENT_INDEX):
+            result[:, a, b] = result[:, b, a] = each[:, c]
+        return result
+
+
+def by_hand(ewald) -> dict:
+    """What of the Ewald sum is chosen by hand, as keyword arguments of `choose_parameters`."""
+    names = ("split", "cutoff", "grid", "window", "support")
+    return {} if ewald is None else {n: getattr(ewald, n) for n in names if getattr(ewald, n) is not None}
+
+
+def to_five(tensor: np.ndarray) -> np.ndarray:
+    """Five components of symmetric traceless tensors (..., 3, 3) in the orthonormal basis `FIVE`."""
+    return np.einsum("aij,...ij->...a", FIVE, tensor)
+
+
+def to_tensor(five: np.ndarray) -> np.ndarray:
+    """Symmetric traceless tensors (..., 3, 3) of five components (..., 5)."""
+    return np.einsum("...a,aij->...ij", five, FIVE)
