@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 from suspend_cli.errors import guarded
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
+from suspend_cli.properties import properties
 from suspend_cli.solve import solve
 
 import suspend
@@ -18,6 +19,7 @@ Examples:
   suspend run config.yaml              run it, or continue it where it stopped
   suspend analyze runs/config          moduli of every cycle
   suspend solve scene.npz              velocities of one configuration
+  suspend properties --phi 0.4         viscosity, diffusion, sedimentation of packings
 
 \b
 Exit codes: 0 done, 2 configuration or command line, 3 numerical, 4 files or disk,
@@ -225,6 +227,7 @@ def init(file, force) -> None:
 
 
 cli.add_command(solve)
+cli.add_command(properties)
 
 
 def main(arguments: list[str] | None = None) -> None:

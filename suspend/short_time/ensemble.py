@@ -15,27 +15,26 @@ from suspend.short_time.estimators import Measured, Solve, measure
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
 PROBES = 8  # random loads a configuration
-NAMES = {"eta_inf": "eta_inf/eta0", "D_s": "D_s/D0", "D_r": "D_r/D0", "U": "U/U0"}
 
 
 @dataclass(frozen=True)
 class Property:
     """One property over its dilute value.
 
-    error : standard error of the mean from the scatter of the configurations (None with one); it holds what
-    `probe_error` is, the part of the random loads (0 for exact traces), None where there are none.
-    direction_error : standard error of the mean from its scatter over directions (eta_inf, U).
+    error : standard error of the mean from the scatter of the configurations, None with one.
+    inner_error : standard error of the mean from the scatter within a configuration, over the random loads (D_s and
+    D_r: their part of `error`; 0 for exact traces) or over directions (eta_inf and U).
     corrected : with the finite-size correction, None where there is none to make.
     """
 
     name: str
     value: float
     error: float | None
-    probe_error: float | None
-    direction_error: float | None
+    inner_error: float
     corrected: float | None
     literature: float | None
-    source: str
+    source: str  # of the literature
+    samples: tuple[float, ...]  # mean of each configuration
 
     @property
     def best(self) -> float:
@@ -109,7 +108,7 @@ def short_time_properties(
             raise ConfigurationError("configurations of one ensemble must have the same number of spheres and cell")
         random = np.random.default_rng([seed, len(measured)])
         solve: Solve = ConfigurationSolver(scene, method)
-        measured.append(measure(solve, scene.wrapped(), scene.edge, scene.reduced_tilt, probes, random))
+        measured.append(measure(solve, scene, probes, random, method.far_field == "ewald"))
         structures.append(_structure(scene))
         if progress is not None:
             progress(len(measured))
@@ -146,15 +145,11 @@ def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], str
     diffusion = np.array([m.diffusion for m in measured])  # (configurations, probes, 2)
     exact = measured[0].exact
     rows = (
-        _property("eta_inf", viscosities, phi, None, "direction"),
-        _property("D_s", diffusion[:, :, 0], phi, shift, "exact" if exact else "probe"),
-        _property("D_r", diffusion[:, :, 1], phi, None, "exact" if exact else "probe"),
+        _property("eta_inf", viscosities, phi, None),
+        _property("D_s", diffusion[:, :, 0], phi, shift),
+        _property("D_r", diffusion[:, :, 1], phi, None),
         _property(
-            "U",
-            np.array([m.settling for m in measured]),
-            phi,
-            shift * compressibility if periodic else None,
-            "direction",
+            "U", np.array([m.settling for m in measured]), phi, shift * compressibility if periodic else None
         ),
     )
     g, g_error, q6, crystal = np.array(structures).T
@@ -181,8 +176,8 @@ def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], str
     )
 
 
-def _property(name: str, samples: np.ndarray, phi: float, shift: float | None, within: str) -> Property:
-    """Mean and errors of `samples` (configurations, directions or probes)."""
+def _property(name: str, samples: np.ndarray, phi: float, shift: float | None) -> Property:
+    """Mean and errors of `samples` (configurations, directions or random loads)."""
     means = samples.mean(axis=1)
     value, count = float(means.mean()), len(means)
     error = float(means.std(ddof=1) / math.sqrt(count)) if count > 1 else None
@@ -190,13 +185,7 @@ def _property(name: str, samples: np.ndarray, phi: float, shift: float | None, w
     if samples.shape[1] > 1:
         inner = math.sqrt(np.mean(samples.var(axis=1, ddof=1)) / samples.shape[1] / count)
     fit = literature.fit(name, phi)
-    return Property(
-        name,
-        value,
-        error,
-        {"probe": inner, "exact": 0.0}.get(within),
-        inner if within == "direction" else None,
-        None if shift is None else value + shift,
-        None if fit is None else fit.value,
-        literature.FITS[name][1],
-    )
+    corrected = None if shift is None else value + shift
+    expected = None if fit is None else fit.value
+    source = literature.FITS[name][1]
+    return Property(name, value, error, inner, corrected, expected, source, tuple(means.tolist()))

@@ -20,6 +20,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from suspend.hydro.two_sphere_matrices import FIVE
+from suspend.oneshot.scene import PeriodicScene
 from suspend.short_time.medium import Medium
 
 EXACT_BELOW = 8  # spheres up to which the traces are computed exactly, by 6N <= 48 solves
@@ -46,19 +47,23 @@ class Measured(NamedTuple):
 
 
 def measure(
-    solve: Solve, position: np.ndarray, edge: float, tilt: float, probes: int, random: np.random.Generator
+    solve: Solve, scene: PeriodicScene, probes: int, random: np.random.Generator, far_field: bool = True
 ) -> Measured:
-    """All properties of one configuration; `probes` random loads for the traces (N > 8)."""
-    number = len(position)
-    phi = 4.0 * np.pi / 3.0 * number / edge**3
-    viscosities = high_frequency_viscosities(solve, number, phi)
+    """All properties of one configuration; `probes` random loads for the traces (N > 8).
+
+    far_field : whether spheres far apart feel each other, so that the medium's form helps.
+    """
+    number = scene.number
+    viscosities = high_frequency_viscosities(solve, number, scene.volume_fraction)
     settling = settling_velocities(solve, number)
     exact = number <= EXACT_BELOW
     if exact:
         diffusion = exact_traces(solve, number)[None]
     else:
-        medium = Medium(position, edge, tilt, float(viscosities.mean()))
-        diffusion = probed_traces(solve, medium, probes, random)
+        medium = None
+        if far_field:
+            medium = Medium(scene.wrapped(), scene.edge, scene.reduced_tilt, float(viscosities.mean()))
+        diffusion = probed_traces(solve, number, medium, probes, random)
     solves = 8 + (6 * number if exact else probes)
     return Measured(viscosities, settling, diffusion, exact, solves)
 
@@ -91,15 +96,21 @@ def exact_traces(solve: Solve, number: int) -> np.ndarray:
     return _reduced(trace, number)
 
 
-def probed_traces(solve: Solve, medium: Medium, probes: int, random: np.random.Generator) -> np.ndarray:
-    """(D_s/D0, D_r/D0) from each of `probes` loads of random signs, (p, 2); each row is unbiased."""
-    number = len(medium.position)
+def probed_traces(
+    solve: Solve, number: int, medium: Medium | None, probes: int, random: np.random.Generator
+) -> np.ndarray:
+    """(D_s/D0, D_r/D0) from each of `probes` loads of random signs, (p, 2); each row is unbiased.
+
+    medium : whose form is subtracted from the solution's, or None.
+    """
     loads = random.choice(np.array([-1.0, 1.0]), size=(probes, number, 6))
     forms = np.empty((probes, 2))
     for load, form in zip(loads, forms, strict=True):
         velocity = solve(load, np.zeros((3, 3)))[0]
         form[:] = np.sum(load[:, :3] * velocity[:, :3]), np.sum(load[:, 3:] * velocity[:, 3:])
-    return _reduced(forms - medium.forms(loads) + medium.traces, number)
+    if medium is not None:
+        forms += medium.traces - medium.forms(loads)
+    return _reduced(forms, number)
 
 
 def _reduced(traces: np.ndarray, number: int) -> np.ndarray:

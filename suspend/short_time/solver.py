@@ -21,9 +21,11 @@ class ConfigurationSolver:
         self.hydro = Hydrodynamics(scene, method)
         self.coupled = None
         if self.hydro.mobility is not None:
+            from suspend.farfield import stresslet_scale
             from suspend.solvers.coupled import CoupledSolver
 
-            self.coupled = CoupledSolver(self.hydro.mobility, self.hydro.near, limit=method.max_iterations)
+            scale = stresslet_scale(scene.volume_fraction)
+            self.coupled = CoupledSolver(self.hydro.mobility, self.hydro.near, scale, method.max_iterations)
         self.solves = self.iterations = 0
 
     def __call__(self, load: np.ndarray, strain_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
