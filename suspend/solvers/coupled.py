@@ -181,7 +181,7 @@ class CoupledSolver:
         self.mobility, self.near = mobility, near
         self.stresslet_scale, self.limit = stresslet_scale, limit
         self.products = 0
-        self._basis = None
+        self._basis = self._left = None
 
     def solve(self, load, strain_rate, tolerance: float, floor: float = 0.0, start=None) -> CoupledSolution:
         """Solve for `load` (N, 6) = external + R_FE : E and the undisturbed `strain_rate` (five-vector).
@@ -205,6 +205,8 @@ class CoupledSolver:
                     f"the coupled solve of near and far field did not converge: residual {norm / scale:.3g} after "
                     f"{iterations} iterations, asked for {tolerance:.3g} (solver.far_tolerance, solver.max_iterations)"
                 )
+            if iterations > 0:
+                self._rebuild(residual)
             used, norm = self._gmres(state, residual, norm, tolerance * scale, self.limit - iterations)
             iterations += used
         return CoupledSolution(
@@ -267,13 +269,14 @@ class CoupledSolver:
         return moved
 
     def _gmres(self, state, residual, norm: float, target: float, limit: int) -> tuple[int, float]:
-        """One cycle of GMRES from `residual`; updates `state` and `residual` in place.
+        """One cycle of GMRES from `residual`; updates `state` in place.
 
         Returns (iterations, norm of the residual).
         """
         basis = self._space(state.shape)
         size = min(len(basis) - 1, limit)
         basis[0] = residual / norm
+        start = norm
         problem = Rotations(size, norm)
         hessenberg = np.zeros((size + 1, size))
         again = np.empty(size + 1)
@@ -288,20 +291,27 @@ class CoupledSolver:
                 column[: k + 1] += again[: k + 1]
             column[k + 1] = self._norm(vector)
             norm = problem.add(column[: k + 2])
-            if norm <= target or column[k + 1] == 0.0:
+            if column[k + 1] == 0.0:
                 break
             np.divide(vector, column[k + 1], out=basis[k + 1])
+            if norm <= target:
+                break
         coefficients = problem.coefficients()
         used = len(coefficients)
         correction = np.zeros_like(state)
         _combine(basis, used, coefficients, correction)
         state += self._preconditioned(correction)
-        if norm > target:  # the residual for the next cycle, without a product
-            left = -hessenberg[: used + 1, :used] @ coefficients
-            left[0] += np.sqrt(np.vdot(residual, residual))
-            residual[:] = 0.0
-            _combine(basis, used + 1, left, residual)
+        left = -hessenberg[: used + 1, :used] @ coefficients  # the new residual in the basis
+        left[0] += start
+        self._left = left
         return used, norm
+
+    def _rebuild(self, residual) -> None:
+        """The residual that the last cycle has left, without a product."""
+        residual[:] = 0.0
+        if self._left[-1] == 0.0:  # the last direction was not needed, and not made
+            self._left = self._left[:-1]
+        _combine(self._basis, len(self._left), self._left, residual)
 
     def _space(self, shape) -> np.ndarray:
         if self._basis is None or self._basis.shape[1:] != shape:
