@@ -9,13 +9,17 @@ from naive_ewald import Sum, classical, grand_mobility, overlap_polynomials, tot
 from suspend.core.ewald_functions import real_functions_at, total_functions_at
 from suspend.errors import ConfigurationError
 from suspend.hydro.ewald.radial import radial_table, self_terms
-from suspend.hydro.ewald.split import gaussian_split, make_split, prolate, pswf_split, truncation_error
+from suspend.hydro.ewald.split import gaussian_split, make_split, optimal_split, prolate, pswf_split
+from suspend.hydro.ewald.truncation import truncation_error
 
 DATA = pathlib.Path(__file__).parent / "data"
-KINDS = {"gaussian": gaussian_split, "pswf": pswf_split}
+KINDS = {"gaussian": gaussian_split, "pswf": pswf_split, "optimal": optimal_split}
 
 
-@pytest.fixture(params=[("gaussian", 5.0, 1e-6), ("pswf", 5.0, 1e-6), ("gaussian", 3.0, 1e-3), ("pswf", 5.5, 1e-10)])
+SPLITS = [("gaussian", 5.0, 1e-6), ("pswf", 5.5, 1e-10), ("optimal", 3.0, 1e-3), ("optimal", 5.0, 1e-8)]
+
+
+@pytest.fixture(params=SPLITS)
 def split(request):
     kind, cutoff, error = request.param
     return KINDS[kind](cutoff, error)
@@ -148,10 +152,10 @@ def test_too_short_a_cutoff_and_bad_parameters_are_refused():
     with pytest.raises(ConfigurationError, match="positive"):
         gaussian_split(3.0, 1e-8)
     with pytest.raises(ConfigurationError, match="positive"):
-        make_split("pswf", 2.5, 12.0, 30.0)
+        make_split("pswf", 2.5, 12.0)
     with pytest.raises(ConfigurationError, match="2 or more"):
         pswf_split(1.5, 1e-3)
     with pytest.raises(ConfigurationError, match="choose from"):
         pswf_split(4.0, 1e-15)
-    with pytest.raises(ConfigurationError, match="neither"):
-        make_split("kaiser", 4.0, 3.0, 12.0)
+    with pytest.raises(ConfigurationError, match="kinds are"):
+        make_split("kaiser", 4.0, 3.0)

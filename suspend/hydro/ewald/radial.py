@@ -44,30 +44,38 @@ def reduced_bessel(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return tuple(functions)
 
 
-def wave_quadrature(split, r_max: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes on [0, kmax] and (3/pi) W(k) dk, fit for the integrals at all r <= r_max."""
-    nodes, weights = np.polynomial.legendre.leggauss(int(70 + 0.6 * split.kmax * r_max))
-    k = 0.5 * split.kmax * (nodes + 1.0)
-    return k, (3.0 / np.pi) * 0.5 * split.kmax * weights * split.exact_wave(k)
+def quadrature(kmax: float, r_max: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre nodes on [0, kmax] and (3/pi) dk, fit for the integrals at all r <= r_max."""
+    nodes, weights = np.polynomial.legendre.leggauss(int(70 + 0.6 * kmax * r_max))
+    return 0.5 * kmax * (nodes + 1.0), (3.0 / np.pi) * 0.5 * kmax * weights
+
+
+def functions_of_weight(k: np.ndarray, weight: np.ndarray, r: np.ndarray) -> np.ndarray:
+    """f1 f2 g1 g2 h1 h2 h3 at r (n,) >= 0 of a wave part: (n, 7), or (n, 7, m) of m of them.
+
+    weight : (3/pi) W(k) dk at the nodes k of a quadrature, (nodes,) or (nodes, m)
+    """
+    column = (-1,) + (1,) * (weight.ndim - 1)
+    factor, k2, s = (1.0 - k**2 / 15.0).reshape(column), (k**2).reshape(column), r.reshape(column)
+    phi0, phi1, phi2 = reduced_bessel(np.outer(r, k))
+    ff, fd, dd = weight * factor**2, weight * factor * k2, weight * k2
+    one, two = phi1 @ fd, phi2 @ fd
+    p0, p1, p2 = phi0 @ dd, phi1 @ dd, phi2 @ dd
+    f1, f2 = (phi0 - phi1) @ ff, 2.0 * (phi1 @ ff)
+    return np.stack([f1, f2, s * (one - two), -s * two, -p2, p0 - 4 * p1 + 5 * p2, 5 * p2 - p1], axis=1)
 
 
 def wave_functions(split, r: np.ndarray) -> np.ndarray:
     """f1 f2 g1 g2 h1 h2 h3 (n, 7) of the wave part at distances r (n,) >= 0, to about 1e-15."""
-    k, weight = wave_quadrature(split, float(r.max()))
-    factor = 1.0 - k**2 / 15.0
-    phi0, phi1, phi2 = reduced_bessel(np.outer(r, k))
-    ff, fd, dd = weight * factor**2, weight * factor * k**2, weight * k**2
-    one, two = phi1 @ fd, phi2 @ fd
-    p0, p1, p2 = phi0 @ dd, phi1 @ dd, phi2 @ dd
-    f1, f2 = (phi0 - phi1) @ ff, 2.0 * (phi1 @ ff)
-    return np.stack([f1, f2, r * (one - two), -r * two, -p2, p0 - 4 * p1 + 5 * p2, 5 * p2 - p1], axis=1)
+    k, dk = quadrature(split.kmax, float(r.max()))
+    return functions_of_weight(k, dk * split.exact_wave(k), r)
 
 
-def real_functions_exact(split, r: np.ndarray) -> np.ndarray:
-    """f1 f2 g1 g2 h1 h2 h3 (n, 7) of total less wave part by quadrature, at any r > 0 (beyond r_c too)."""
+def total_functions(r: np.ndarray) -> np.ndarray:
+    """f1 f2 g1 g2 h1 h2 h3 (n, 7) of two spheres in an unbounded fluid at distances r (n,) > 0."""
     total = np.empty((len(r), 7))
     total_functions_at(r, total)
-    return total - wave_functions(split, r)
+    return total
 
 
 def interval_polynomials(function, end: float, intervals: int) -> np.ndarray:
