@@ -4,9 +4,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-
 from naive import STRAIN, five, grand_near_field, loose_positions, part, separations
 from naive_ewald import grand_mobility
+
 from suspend.errors import NumericalError
 from suspend.hydro.nearfield import NearField, pair_table
 from suspend.hydro.neighbours import VerletList
@@ -203,6 +203,5 @@ def test_strain_loads_agree_with_the_twin():
     """The test's own set-up: R_FE : E of the kernel and of the dense twin."""
     position, _, resistance = scene()
     near = near_field(position)
-    u, _ = motion_and_strain(NUMBER)
     twin = part(resistance, [0, 1, 2, 3, 4, 5], STRAIN) @ np.tile(five(SHEAR), NUMBER)
     assert np.allclose(near.strain_loads(SHEAR).reshape(-1), twin, atol=1e-9)
