@@ -1,7 +1,7 @@
 """Velocities of all spheres as a function of positions and flow: one evaluation from top to bottom.
 
 neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity
-solve. Only what the scene needs is built: without lubrication no table is loaded and no solve is made,
+solve (near field alone, or coupled with the far field). Only what the scene needs is built: without lubrication no table is loaded and no solve is made,
 without any pair interaction there is no neighbour list. Internal units of `suspend.conventions`.
 """
 
@@ -30,7 +30,7 @@ class Overlap(Exception):
 
 @dataclass(frozen=True)
 class Scene:
-    """What acts on the spheres; `table` None = no lubrication."""
+    """What acts on the spheres; `table` None = no lubrication, `ewald` None = own drag and stresslet only."""
 
     edge: float
     table: object | None
@@ -40,6 +40,7 @@ class Scene:
     external: np.ndarray  # (6,) force and torque on every sphere
     sheared: bool
     odd_table: object | None = None  # for the stress of every sphere, where it is wanted
+    ewald: object | None = None  # parameters of the far field's Ewald sum
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class SolverSettings:
     """Accuracy and limits of the velocity solve, and its tuning (measured in benchmarks/)."""
 
     tolerance: float = 1e-5
+    far_tolerance: float = 1e-3  # of the coupled solve
     max_iterations: int = 2000
     close_gap: float = 0.2  # pairs below it enter the incomplete factorisation
     growth: float = 1.3  # refactorise when the iterations have grown by this factor
@@ -59,6 +61,7 @@ class Counters:
 
     evaluations: int = 0
     iterations: int = 0
+    products: int = 0  # with the far field's mobility
     steps: int = 0
     rejected_error: int = 0
     rejected_overlap: int = 0
@@ -112,13 +115,21 @@ class Suspension:
         if scene.sheared:
             self.strain_rate[0, 1] = self.strain_rate[1, 0] = 0.5
         self.force_range = interaction_range(scene.force)
-        cutoff = max(self.force_range, scene.table.cutoff if scene.table is not None else 0.0)
+        near_range = scene.table.cutoff if scene.table is not None else 0.0
+        far_range = scene.ewald.split.cutoff if scene.ewald is not None else 0.0
+        cutoff = max(self.force_range, near_range, far_range)
         self.list = VerletList(scene.edge, cutoff, settings.skin) if cutoff > 0.0 else None
-        self.near = None
+        self.near = self.far = None
         if scene.table is not None:
             from suspend.hydro.nearfield import NearField
 
             self.near = NearField(scene.table, scene.drags, threads)
+        if scene.ewald is not None:
+            from suspend.farfield import FarField
+
+            self.far = FarField(
+                scene.edge, number, scene.ewald, self.near, settings.far_tolerance, settings.max_iterations, threads
+            )
         self.counters = Counters()
         self.history, self.flow_history = History(), History()
         self.baseline = 0  # iterations of the solve after the last factorisation
@@ -155,10 +166,12 @@ class Suspension:
         self.pair_stress, self.overlaps = np.zeros(6), 0
         if self.force_range > 0.0:
             self._add_pair_forces(position, tilt, load)
+        if self.near is not None and rate != 0.0:
+            load += self.near.strain_loads(rate * self.strain_rate)
+        if self.far is not None:
+            return self._solve_coupled(load, rate, position, tilt, time)
         if self.near is None:
             return load / np.repeat(self.scene.drags, 3)
-        if rate != 0.0:
-            load += self.near.strain_loads(rate * self.strain_rate)
         velocity = self._solve(load, position, tilt, time)
         self.history.push(time, velocity)
         return velocity
@@ -185,6 +198,25 @@ class Suspension:
             self.factor_point = None  # renewed at the next evaluation
         return solution.velocity
 
+    def _solve_coupled(self, load, rate: float, position, tilt: float, time: float) -> np.ndarray:
+        if self.near is not None:
+            self.factor(position, tilt)  # a small part of the cost here
+        self.far.place(position, tilt, self.list.pairs, self.list.offset)
+        solution = self._coupled(load, rate * self.strain_rate, self.history, time)
+        self.far_stresslet = solution.stresslet
+        return solution.velocity
+
+    def _coupled(self, load, strain_rate, history: History, time: float):
+        start = history.extrapolate(time, (self.number, 11)) if history.times else None
+        try:
+            solution = self.far.solve(load, strain_rate, VELOCITY_FLOOR, start)
+        except NumericalError as error:
+            raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
+        history.push(time, np.hstack([solution.velocity, solution.stresslet]))
+        self.counters.iterations += solution.iterations
+        self.counters.products += solution.products
+        return solution
+
     def factor(self, position: np.ndarray, tilt: float) -> None:
         """Factorise the preconditioner from the scalars just assembled at `position`."""
         self.near.precondition(self.settings.close_gap)
@@ -203,40 +235,58 @@ class Suspension:
 
     def stress(self, velocity: np.ndarray, rate: float) -> dict[str, np.ndarray]:
         """Bulk stress (six components, eta0 Gamma) by part at the positions of the last evaluation."""
-        density = 6.0 * np.pi / self.scene.edge**3
-        strain_rate = rate * self.strain_rate
-        voigt = np.array([strain_rate[a, b] for a, b in COMPONENT_INDEX])
-        alone = self.number * self.scene.self_stresslet * voigt
-        pairs = self.near.stresslet(velocity, strain_rate) if self.near is not None else 0.0
+        far = self.far_stresslet if self.far is not None else None
         return {
-            "fluid": 2.0 * voigt,
-            "hydrodynamic": density * (alone + pairs),
-            "interparticle": density * self.pair_stress,
+            "fluid": 2.0 * rate * self._unit_strain_rate(),
+            "hydrodynamic": self._hydrodynamic_stress(velocity, rate, far),
+            "interparticle": 6.0 * np.pi / self.scene.edge**3 * self.pair_stress,
         }
+
+    def _unit_strain_rate(self) -> np.ndarray:
+        return np.array([self.strain_rate[a, b] for a, b in COMPONENT_INDEX])
+
+    def _hydrodynamic_stress(self, velocity: np.ndarray, rate: float, far: np.ndarray | None) -> np.ndarray:
+        """Stresslets of near and far field; `far` (N, 5) those of the far field, on the fluid."""
+        total = self._far_stresslets(rate, far).sum(axis=0)
+        if self.near is not None:
+            total = total + self.near.stresslet(velocity, rate * self.strain_rate)
+        return 6.0 * np.pi / self.scene.edge**3 * total
+
+    def _far_stresslets(self, rate: float, far: np.ndarray | None) -> np.ndarray:
+        """Stresslet of every sphere (N, 6), Brady's sign, less the near field."""
+        if self.far is None:
+            return np.tile(self.scene.self_stresslet * rate * self._unit_strain_rate(), (self.number, 1))
+        from suspend.farfield import six_of
+
+        return -six_of(far)
 
     def flow_driven_stress(self, rate: float, time: float) -> np.ndarray:
         """Hydrodynamic stress driven by the flow alone, at the positions of the last evaluation.
 
         One more solve, for the velocities at unit rate without any non-hydrodynamic force.
         """
-        if rate == 0.0 or self.near is None:
-            return self.stress(np.zeros((self.number, 6)), rate)["hydrodynamic"]
-        load = self.near.strain_loads(self.strain_rate)
+        if rate == 0.0:
+            return np.zeros(6)
+        still = np.zeros((self.number, 6))
+        load = self.near.strain_loads(self.strain_rate) if self.near is not None else still
+        if self.far is not None:
+            solution = self._coupled(load, self.strain_rate, self.flow_history, time)
+            return rate * self._hydrodynamic_stress(solution.velocity, 1.0, solution.stresslet)
+        if self.near is None:
+            return rate * self._hydrodynamic_stress(still, 1.0, None)
         start = self.flow_history.extrapolate(time, load.shape)
         velocity = self._conjugate_gradient(load, start).velocity
         self.flow_history.push(time, velocity)
-        return rate * self.stress(velocity, 1.0)["hydrodynamic"]
+        return rate * self._hydrodynamic_stress(velocity, 1.0, None)
 
     def stress_per_sphere(
         self, position: np.ndarray, tilt: float, velocity: np.ndarray, rate: float
     ) -> np.ndarray:
         """Stress of each sphere (N, 6), hydrodynamic and interparticle; the sum is the bulk's less fluid."""
-        strain_rate = rate * self.strain_rate
-        voigt = np.array([strain_rate[a, b] for a, b in COMPONENT_INDEX])
-        each = np.tile(self.scene.self_stresslet * voigt, (self.number, 1))
+        each = self._far_stresslets(rate, self.far_stresslet if self.far is not None else None)
         if self.near is not None:
             each += self.near.stresslet_of_each(
-                self.scene.odd_table, position, self.scene.edge, tilt, velocity, strain_rate
+                self.scene.odd_table, position, self.scene.edge, tilt, velocity, rate * self.strain_rate
             )
         if self.force_range > 0.0:
             each += stress_per_sphere(

@@ -11,6 +11,7 @@ from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import Scene, SolverSettings, Suspension
 from suspend.forces import pair_force
 
+SPHERE_VOLUME = 4.0 * np.pi / 3.0  # of radius 1
 THREADED_FROM = 2000  # spheres from which a second thread pays (benchmarks/bench_evaluation.py)
 
 
@@ -51,18 +52,26 @@ def make_scene(config, edge: float | None = None) -> Scene:
         table = pair_table(*law)
         odd_table = pair_table(*law, odd=True) if config.output.particle_stress else None
     identity = config.far_field == "identity"
+    edge = edge or edge_length(config.particles.number, config.particles.volume_fraction)
+    drags, ewald = (1.0, 1.0 if identity else ROTATIONAL_DRAG), None
+    if config.far_field == "ewald":
+        from suspend.farfield import make_parameters, screened_drags
+
+        ewald = make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
+        drags = screened_drags(config.particles.number * SPHERE_VOLUME / edge**3)
     external = np.zeros(6)
     if config.external is not None:
         external[:3], external[3:] = config.external.force, config.external.torque
     return Scene(
-        edge=edge or edge_length(config.particles.number, config.particles.volume_fraction),
+        edge=edge,
         table=table,
-        drags=(1.0, 1.0 if identity else ROTATIONAL_DRAG),
+        drags=drags,
         self_stresslet=2.0 if identity else SELF_STRESSLET,
         force=pair_force(config.repulsion, config.contact),
         external=external,
         sheared=config.flow.type != "quiescent",
         odd_table=odd_table,
+        ewald=ewald,
     )
 
 
@@ -73,6 +82,10 @@ def threads_used(number: int, threads: int) -> int:
 
 def make_suspension(config, threads: int, edge: float | None = None) -> Suspension:
     """The velocity field of a configuration."""
-    settings = SolverSettings(tolerance=config.solver.tolerance, max_iterations=config.solver.max_iterations)
+    settings = SolverSettings(
+        tolerance=config.solver.tolerance,
+        far_tolerance=config.solver.far_tolerance or config.tolerance,
+        max_iterations=config.solver.max_iterations,
+    )
     number = config.particles.number
     return Suspension(make_scene(config, edge), settings, number, threads_used(number, threads))

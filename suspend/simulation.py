@@ -97,7 +97,8 @@ class Simulation:
             integrator.max_evaluations,
         )
         self.motion = Motion(self.suspension, self.flow, METHODS[integrator.method], settings)
-        driven = output.flow_driven and self.suspension.near is not None and self.suspension.scene.sheared
+        solved = self.suspension.near is not None or self.suspension.far is not None
+        driven = output.flow_driven and solved and self.suspension.scene.sheared
         self.recorder = Recorder(
             self.motion, self.units, output.samples_per_cycle, output.position_phases, driven, output.particle_stress
         )
