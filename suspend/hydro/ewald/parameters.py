@@ -1,0 +1,266 @@
+"""All parameters of the Ewald sum from one tolerance, by the predicted error and a measured cost.
+
+The error asked for is the relative 2-norm of [U; Omega; E] for random unit loads. Most of it is given to the real
+part left out beyond r_c, which kmax controls continuously (`suspend.hydro.ewald.truncation`); the grid, which
+comes in steps, gets the rest (`suspend.hydro.ewald.windows.aliasing_error`). The cutoff r_c is free: it is chosen
+where a product takes the least time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from suspend.errors import ConfigurationError
+from suspend.hydro.ewald.split import Split, make_split
+from suspend.hydro.ewald.truncation import truncation_error
+from suspend.hydro.ewald.windows import (
+    LOWEST_MODES,
+    SELF_NORM2,
+    SUPPORTS,
+    Window,
+    aliasing_error,
+    largest_modes,
+)
+
+FINEST, COARSEST = 1e-10, 1e-2
+TRUNCATION_SHARE, GRID_SHARE = 0.45, 0.25  # of the tolerance
+SMALLEST_CUTOFF = 2.4  # radii; below, kmax r_c grows steeply
+RELATIVE_CUTOFF = 1.2  # largest r_c / L: beyond, few modes carry the error, which then depends on the tilt
+FEW = 16  # spheres up to which r_c is the largest: few pairs at a shorter one carry the error
+SHAPE_SHARE = 1.2  # of pi P (1 - n_max/M), the window's shape for modes up to n_max
+
+# Seconds on one core of an AMD EPYC (Zen 5), from `python benchmarks/bench_mobility.py --calibrate`
+PER_PAIR, PER_SPHERE = 1.6e-8, 7e-8  # real part: product and a tenth of the assembly
+PER_ROW, PER_STRIP = 6.0e-9, 3.6e-9  # window rows of a sphere, spread and gathered: P^2 (PER_ROW + strips PER_STRIP)
+PER_POINT = 1.8e-8  # grid point: both transforms and the scaling of modes
+
+
+@dataclass(frozen=True)
+class EwaldParameters:
+    """Parameters of one Ewald sum, with what they promise.
+
+    split : kind, r_c, kmax and weight; grid : points along the lattice vectors; window : kind, support, shape
+    truncation, aliasing : predicted relative errors; seconds : predicted time of a product on one core
+    """
+
+    split: Split
+    grid: tuple[int, int, int]
+    window: Window
+    truncation: float
+    aliasing: float
+    seconds: float
+
+    @property
+    def error(self) -> float:
+        """Predicted relative error of a product."""
+        return math.hypot(self.truncation, self.aliasing)
+
+
+def strips(support: int) -> int:
+    """Vectors of a window's row: of four lanes up to 4 points and from 9 to 12, of eight otherwise."""
+    return -(-support // (4 if support <= 4 or 8 < support <= 12 else 8))
+
+
+def predicted_seconds(number: int, edge: float, cutoff: float, grid, support: int) -> float:
+    """Time of one product on one core of the machine the constants were measured on."""
+    pairs = number * (number / edge**3) * (2.0 / 3.0) * math.pi * cutoff**3
+    rows = support**2 * (PER_ROW + PER_STRIP * strips(support))
+    return PER_PAIR * pairs + (PER_SPHERE + rows) * number + PER_POINT * math.prod(grid)
+
+
+def good_size(least: int) -> int:
+    """Smallest even number >= least without a prime factor above 7: fast transforms."""
+    size = max(2, least + least % 2)
+    while True:
+        rest = size
+        for prime in (2, 3, 5, 7):
+            while rest % prime == 0:
+                rest //= prime
+        if rest == 1:
+            return size
+        size += 2
+
+
+def _norm_factor(number: int, edge: float) -> float:
+    """|[U; Omega; E]| of random loads over that of lone spheres: long waves dominate in large cells."""
+    waves = 72.0 * LOWEST_MODES / (16.0 * math.pi**2) * (number - 1) / edge**2
+    return math.sqrt(1.0 + waves / SELF_NORM2)
+
+
+def _split_of(kind: str, cutoff: float, fraction: float, target: float, start: float) -> tuple[Split, float]:
+    """The split with the smallest kmax whose truncation error is `target`, by the secant method in c = kmax r_c."""
+
+    def trial(c: float) -> tuple[Split, float]:
+        kmax = c / cutoff
+        shape = None
+        if kind == "gaussian":
+            shape, kmax = cutoff**2 / (2.0 * c), math.sqrt(c * c + 4.0 * c) / cutoff
+        split = make_split(kind, cutoff, kmax, shape)
+        return split, math.log(truncation_error(split, fraction) / target)
+
+    c, slope = start, -1.1
+    split, excess = trial(c)
+    for _ in range(12):
+        if abs(excess) < 0.05:
+            break
+        following = min(max(c - excess / slope, 0.6 * c, c - 8.0), c + 8.0)
+        if following < 0.5:
+            break  # so dilute that no wave part is needed
+        new_split, new_excess = trial(following)
+        if following != c:
+            slope = min(-0.3, max(-3.0, (new_excess - excess) / (following - c)))
+        c, split, excess = following, new_split, new_excess
+    return split, target * math.exp(excess)
+
+
+def _window_for(kind: str, support: int, share: float, kmax: float, edge: float, size: int) -> Window:
+    reach = min(kmax * edge / (2.0 * math.pi) / size, 0.45)
+    return Window(kind, support, share * math.pi * support * (1.0 - reach))
+
+
+def _sizes(split: Split, edge: float, support: int) -> list[int]:
+    """Grid sizes from the least possible one to that of an oversampling of about three."""
+    least = good_size(max(2 * max(largest_modes(split.kmax, edge)) + 1, support))
+    sizes = [least]
+    while sizes[-1] < 1.5 * least + 8:
+        sizes.append(good_size(sizes[-1] + 1))
+    return sizes
+
+
+def _smallest_grid(split, number, edge, kind, support, target):
+    """(size, window, error) of the smallest cubic grid with an aliasing error below `target`; None if none has."""
+
+    def trial(size):
+        window = _window_for(kind, support, SHAPE_SHARE, split.kmax, edge, size)
+        return window, aliasing_error(split, edge, number, (size,) * 3, window)
+
+    sizes = _sizes(split, edge, support)
+    low, high = 0, len(sizes) - 1
+    window, error = trial(sizes[high])
+    if error > target:
+        return None
+    while low < high:
+        middle = (low + high) // 2
+        between, between_error = trial(sizes[middle])
+        if between_error <= target:
+            high, window, error = middle, between, between_error
+        else:
+            low = middle + 1
+    return sizes[high], window, error
+
+
+def _choose_grid(split, number, edge, kind, supports, target):
+    """(grid, window, error): the cheapest over the supports; ConfigurationError if none is good enough."""
+    best, least = None, math.inf
+    for support in supports:
+        found = _smallest_grid(split, number, edge, kind, support, target)
+        if found is None:
+            continue
+        seconds = predicted_seconds(number, edge, split.cutoff, (found[0],) * 3, support)
+        if seconds >= least:
+            break  # larger supports cost more and save no more points
+        best, least = found, seconds
+    if best is None:
+        raise ConfigurationError(
+            f"far_field window: no grid brings the aliasing error of a {kind} window of {list(supports)} points "
+            f"below {target:.3g}; a larger support is needed"
+        )
+    return (best[0],) * 3, best[1], best[2]
+
+
+def _windows_for_grid(split, number, edge, kind, supports, grid, target):
+    """(grid, window, error) for a grid given by hand: the smallest support that is good enough, or the best."""
+    best = None
+    for support in supports:
+        window = _window_for(kind, support, SHAPE_SHARE, split.kmax, edge, min(grid))
+        error = aliasing_error(split, edge, number, grid, window)
+        if best is None or error < best[2]:
+            best = grid, window, error
+        if error <= target:
+            break
+    return best
+
+
+def _cutoffs(number: int, edge: float) -> list[float]:
+    """Cutoffs r_c to choose from, radii."""
+    largest = max(RELATIVE_CUTOFF * edge, SMALLEST_CUTOFF)
+    if number <= FEW:
+        return [largest]
+    steps = max(1, math.ceil(math.log(largest / SMALLEST_CUTOFF) / 0.1))
+    return [SMALLEST_CUTOFF * (largest / SMALLEST_CUTOFF) ** (n / steps) for n in range(steps + 1)]
+
+
+def _cheapest_split(kind, cutoffs, number, edge, tolerance, target) -> tuple[Split, float]:
+    """The split, with its truncation error, at the cutoff with the least predicted time."""
+    fraction = number * 4.0 * math.pi / 3.0 / edge**3
+    support = round(2.5 + 1.1 * math.log10(1.0 / tolerance))
+    best, least, c = None, math.inf, 10.0 + 1.1 * math.log10(COARSEST / tolerance)
+    for cutoff in cutoffs:
+        try:
+            split, error = _split_of(kind, cutoff, fraction, target, c)
+        except ConfigurationError:  # the weight would not be positive: too short a cutoff for this kind
+            if cutoff == cutoffs[-1]:
+                raise
+            continue
+        c = split.kmax * cutoff
+        size = max(support, good_size(math.ceil(3.6 * split.kmax * edge / (2.0 * math.pi))))
+        seconds = predicted_seconds(number, edge, cutoff, (size,) * 3, support)
+        if seconds < least:
+            best, least = (split, error), seconds
+        elif seconds > 2.0 * least:
+            break
+    return best
+
+
+def _check(tolerance: float, number: int, edge: float) -> None:
+    if not FINEST <= tolerance <= COARSEST:
+        raise ConfigurationError(
+            f"far_field tolerance: {tolerance:g}; choose from {FINEST:g} to {COARSEST:g}: below, the round-off of "
+            "double precision in sums over pairs and modes (about 1e-12) spoils the promise, above, no digit is right"
+        )
+    if int(number) != number or number < 1:
+        raise ConfigurationError(f"far_field: {number} spheres; it must be an integer >= 1")
+    if not (math.isfinite(edge) and edge >= 2.0):
+        raise ConfigurationError(
+            f"far_field: the cell's edge is {edge:g} radii, must be >= 2: a sphere would overlap its own image"
+        )
+
+
+def choose_parameters(
+    tolerance: float,
+    number: int,
+    edge: float,
+    *,
+    split: str = "optimal",
+    cutoff: float | None = None,
+    grid: tuple[int, int, int] | None = None,
+    window: str = "pswf",
+    support: int | None = None,
+) -> EwaldParameters:
+    """Parameters of the Ewald sum of `number` spheres in a cell of edge `edge` (radii) for one tolerance.
+
+    tolerance : relative 2-norm of the error of [U; Omega; E] for random unit loads, 1e-10 to 1e-2, at any tilt
+    split : kind of the split; cutoff : r_c (radii); grid, support : points along the lattice vectors and under the
+    window; window : its kind. What is None is chosen for the least time.
+
+    Raises ConfigurationError for a tolerance or a cell out of range, or if what is given cannot meet the tolerance.
+    """
+    _check(tolerance, number, edge)
+    factor = _norm_factor(number, edge)
+    cutoffs = _cutoffs(number, edge) if cutoff is None else [cutoff]
+    chosen, truncation = _cheapest_split(
+        split, cutoffs, number, edge, tolerance, TRUNCATION_SHARE * tolerance * factor
+    )
+    supports, target = SUPPORTS if support is None else [support], GRID_SHARE * tolerance
+    if grid is None:
+        grid, window, aliasing = _choose_grid(chosen, number, edge, window, supports, target)
+    else:
+        grid, window, aliasing = _windows_for_grid(chosen, number, edge, window, supports, tuple(grid), target)
+    if aliasing > tolerance:
+        raise ConfigurationError(
+            f"far_field grid: {grid} points and a {window.kind} window of {window.support} points have an error of "
+            f"{aliasing:.3g}, more than the tolerance {tolerance:g}; give more points or leave them out"
+        )
+    seconds = predicted_seconds(number, edge, chosen.cutoff, grid, window.support)
+    return EwaldParameters(chosen, grid, window, truncation / factor, aliasing, seconds)
