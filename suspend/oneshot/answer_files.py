@@ -72,9 +72,7 @@ class Answer:
         ]
         lines += [
             "",
-            f"eta_r         {eta_r:>16.10g}"
-            if eta_r is not None
-            else "eta_r         not defined without flow",
+            f"{'eta_r':14}{eta_r:>16.10g}" if eta_r is not None else "eta_r         not defined without flow",
         ]
         lines.append(
             f"accuracy asked {cost.accuracy:g}, residual {cost.residual:.2g}, {cost.iterations} iterations,"

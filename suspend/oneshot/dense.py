@@ -26,16 +26,10 @@ def grand_mobility(scene: PeriodicScene, method: Method = Method()) -> np.ndarra
     """
     _check_size(scene)
     hydro = Hydrodynamics(scene, replace(method, lubrication=Lubrication(enabled=False)))
-    size = 11 * scene.number
     if hydro.mobility is None:
         rotation, stresslet = 1.0 / hydro.drags[1], 1.0 / hydro.self_stresslet
         return np.diag(np.tile([1.0] * 3 + [rotation] * 3 + [stresslet] * 5, scene.number))
-    matrix = np.empty((size, size))
-    for column in range(size):
-        load = np.zeros(size)
-        load[column] = 1.0
-        matrix[:, column] = hydro.mobility.apply(load.reshape(-1, 11)).reshape(-1)
-    return matrix
+    return hydro.mobility.matrix()
 
 
 def grand_resistance(scene: PeriodicScene, method: Method = Method()) -> np.ndarray:  # noqa: B008 (frozen)

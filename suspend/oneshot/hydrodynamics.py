@@ -31,12 +31,12 @@ class Hydrodynamics:
             self._assemble_near_field()
 
     def _place_far_field(self) -> None:
+        from suspend.farfield import make_parameters
         from suspend.hydro.ewald.mobility import Mobility
-        from suspend.hydro.ewald.parameters import choose_parameters
 
-        scene, chosen = self.scene, by_hand(self.method.ewald)
-        parameters = choose_parameters(self.method.ewald_target, scene.number, scene.edge, **chosen)
-        self.mobility = Mobility(scene.edge, scene.number, parameters, self.method.threads)
+        scene, method = self.scene, self.method
+        parameters = make_parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
+        self.mobility = Mobility(scene.edge, scene.number, parameters, method.threads)
         pairs, offset = find_pairs(self.position, scene.edge, self.tilt, self.mobility.cutoff)
         self.mobility.place(self.position, self.tilt, pairs, offset)
 
@@ -44,8 +44,13 @@ class Hydrodynamics:
         from suspend.hydro.nearfield import NearField, pair_table
 
         law = self.method.lubrication
-        self.table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
-        self.near = NearField(self.table, self.drags, self.method.threads)
+        table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
+        drags = self.drags
+        if self.mobility is not None:  # of the preconditioner
+            from suspend.farfield import screened_drags
+
+            drags = screened_drags(self.scene.volume_fraction)
+        self.near = NearField(table, drags, self.method.threads)
         pairs, offset = find_pairs(self.position, self.scene.edge, self.tilt, law.cutoff)
         self.near.use_list(pairs, offset)
         self.near.assemble(self.position, self.scene.edge, self.tilt)
@@ -81,12 +86,6 @@ class Hydrodynamics:
         for c, (a, b) in enumerate(COMPONENT_INDEX):
             result[:, a, b] = result[:, b, a] = each[:, c]
         return result
-
-
-def by_hand(ewald) -> dict:
-    """What of the Ewald sum is chosen by hand, as keyword arguments of `choose_parameters`."""
-    names = ("split", "cutoff", "grid", "window", "support")
-    return {} if ewald is None else {n: getattr(ewald, n) for n in names if getattr(ewald, n) is not None}
 
 
 def to_five(tensor: np.ndarray) -> np.ndarray:

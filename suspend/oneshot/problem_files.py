@@ -183,6 +183,8 @@ def _problem_of(arrays: dict[str, np.ndarray]) -> tuple[PeriodicScene, np.ndarra
     """Scene, forces, torques, shear rate of the arrays; ConfigurationError says which array is wrong and how."""
     _check_names(arrays)
     edge = number_of("L", arrays["L"])
+    if edge <= 0.0:
+        raise ConfigurationError(f"L: found {edge:g}; must be > 0")
     for name in ("radius", "a"):
         if name in arrays and np.any(np.asarray(arrays[name]) != 1.0):
             raise ConfigurationError(

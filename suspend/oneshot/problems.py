@@ -160,10 +160,12 @@ def _move_coupled(hydro: Hydrodynamics, load: np.ndarray, flow: np.ndarray) -> t
     """With the Ewald far field; without lubrication M_SS s = -E - M_SF f alone is to be solved."""
     method, number = hydro.method, hydro.scene.number
     if hydro.near is not None:
+        from suspend.farfield import stresslet_scale
         from suspend.solvers.coupled import CoupledSolver
 
-        solver = CoupledSolver(hydro.mobility, hydro.near)
-        found = solver.solve(load, flow, method.far_target)
+        scale = stresslet_scale(hydro.scene.volume_fraction)
+        solver = CoupledSolver(hydro.mobility, hydro.near, scale, method.max_iterations)
+        found = solver.solve(load, to_five(flow), method.far_target)
         return found.velocity, to_tensor(found.stresslet), found.residual, found.iterations, found.products
 
     def strain_rates(stresslets: np.ndarray) -> np.ndarray:

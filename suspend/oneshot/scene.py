@@ -67,7 +67,7 @@ class PeriodicScene:
     def closest(self) -> tuple[float, int, int]:
         """Smallest surface gap (radii) and its two spheres, counted from 0 (equal: a sphere and its image)."""
         distance, first, second = smallest_distance(self.positions, self.edge, self.reduced_tilt)
-        return distance - 2.0, first, second
+        return distance - 2.0, min(first, second), max(first, second)
 
 
 @dataclass(frozen=True)
