@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
@@ -31,11 +33,10 @@ class Hydrodynamics:
             self._assemble_near_field()
 
     def _place_far_field(self) -> None:
-        from suspend.farfield import make_parameters
         from suspend.hydro.ewald.mobility import Mobility
 
         scene, method = self.scene, self.method
-        parameters = make_parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
+        parameters = _parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
         self.mobility = Mobility(scene.edge, scene.number, parameters, method.threads)
         pairs, offset = find_pairs(self.position, scene.edge, self.tilt, self.mobility.cutoff)
         self.mobility.place(self.position, self.tilt, pairs, offset)
@@ -86,6 +87,14 @@ class Hydrodynamics:
         for c, (a, b) in enumerate(COMPONENT_INDEX):
             result[:, a, b] = result[:, b, a] = each[:, c]
         return result
+
+
+@functools.lru_cache(maxsize=16)
+def _parameters(ewald, tolerance: float, number: int, edge: float):
+    """Parameters of the Ewald sum, kept: to find them takes longer than to solve a small scene."""
+    from suspend.farfield import make_parameters
+
+    return make_parameters(ewald, tolerance, number, edge)
 
 
 def to_five(tensor: np.ndarray) -> np.ndarray:
