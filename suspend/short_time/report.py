@@ -79,7 +79,7 @@ def _notes(result: ShortTimeProperties) -> list[str]:
             f" S(0) = {result.structure_factor:.4f} (Carnahan-Starling)"
         )
     else:
-        notes.append(f"far field {result.far_field}: nothing to correct; the many-body far field is missing from the comparison")
+        notes.append(f"far field {result.far_field}: nothing to correct; the literature has the many-body far field")
     if result.far_field == "ewald" and result.lubrication:
         notes.append(
             "U at the force-torque-stresslet level is known to come out too fast for random spheres: "
