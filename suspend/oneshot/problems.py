@@ -166,7 +166,13 @@ def _move_coupled(hydro: Hydrodynamics, load: np.ndarray, flow: np.ndarray) -> t
         scale = stresslet_scale(hydro.scene.volume_fraction)
         solver = CoupledSolver(hydro.mobility, hydro.near, scale, method.max_iterations)
         found = solver.solve(load, to_five(flow), method.far_target)
-        return found.velocity, to_tensor(found.stresslet), float(found.residual), found.iterations, found.products
+        return (
+            found.velocity,
+            to_tensor(found.stresslet),
+            float(found.residual),
+            found.iterations,
+            found.products,
+        )
 
     def strain_rates(stresslets: np.ndarray) -> np.ndarray:
         return hydro.mobility.apply(np.hstack([np.zeros((number, 6)), stresslets]))[:, 6:]
