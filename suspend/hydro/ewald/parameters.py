@@ -26,8 +26,14 @@ from suspend.hydro.ewald.windows import (
 FINEST, COARSEST = 1e-10, 1e-2
 TRUNCATION_SHARE, GRID_SHARE = 0.45, 0.25  # of the tolerance
 SMALLEST_CUTOFF = 2.4  # radii; below, kmax r_c grows steeply
+SURE_CUTOFF = 5.0  # radii; enough for any tolerance
 RELATIVE_CUTOFF = 1.2  # largest r_c / L: beyond, few modes carry the error, which then depends on the tilt
-FEW = 16  # spheres up to which r_c is the largest: few pairs at a shorter one carry the error
+FEW = 16  # spheres up to which r_c is as large as can be: few pairs at a shorter one carry the error
+SMALL_CELL = 8  # spheres below which the truncation error scatters so much about its prediction that less is aimed at
+SMALLEST_PRODUCT = 2.0  # least kmax r_c for which the error's prediction holds
+OPTIMAL_GAIN = 0.85  # c of the optimal split over that of the prolate one at equal error
+LOWEST_REACH = 1.1  # least kmax L/2pi: without any mode in the wave part the prediction means nothing
+FEWEST_POINTS = 1.0  # of a window, per digit of the grid's error
 SHAPE_SHARE = 1.2  # of pi P (1 - n_max/M), the window's shape for modes up to n_max
 
 # Seconds on one core of an AMD EPYC (Zen 5), from `python benchmarks/bench_mobility.py --calibrate`
@@ -83,13 +89,25 @@ def good_size(least: int) -> int:
 
 
 def _norm_factor(number: int, edge: float) -> float:
-    """|[U; Omega; E]| of random loads over that of lone spheres: long waves dominate in large cells."""
+    """|[U; Omega; E]| of random loads over that of lone spheres in an unbounded fluid.
+
+    Own images lower it (Hasimoto 1959 for the force, 1 - phi of one sphere for torque and stresslet), long
+    waves of the other spheres' forces dominate it in large cells.
+    """
+    volume = 4.0 * math.pi / 3.0 / edge**3
+    force = 1.0 - 2.837297 / edge + volume
+    own = 3.0 * force**2 + (SELF_NORM2 - 3.0) * (1.0 - volume) ** 2
     waves = 72.0 * LOWEST_MODES / (16.0 * math.pi**2) * (number - 1) / edge**2
-    return math.sqrt(1.0 + waves / SELF_NORM2)
+    return math.sqrt((own + waves) / SELF_NORM2)
 
 
-def _split_of(kind: str, cutoff: float, fraction: float, target: float, start: float) -> tuple[Split, float]:
-    """The split with the smallest kmax whose truncation error is `target`, by the secant method in c = kmax r_c."""
+def _split_of(
+    kind: str, cutoff: float, fraction: float, target: float, start: float, accuracy: float
+) -> tuple[Split, float]:
+    """The split whose truncation error is `target` to the relative `accuracy`, and that error.
+
+    Secant method in c = kmax r_c; the error is less than `target` where c = SMALLEST_PRODUCT does already.
+    """
 
     def trial(c: float) -> tuple[Split, float]:
         kmax = c / cutoff
@@ -101,16 +119,17 @@ def _split_of(kind: str, cutoff: float, fraction: float, target: float, start: f
 
     c, slope = start, -1.1
     split, excess = trial(c)
-    for _ in range(12):
-        if abs(excess) < 0.05:
+    for _ in range(20):
+        if abs(excess) < accuracy or (excess < 0.0 and c == SMALLEST_PRODUCT):
             break
-        following = min(max(c - excess / slope, 0.6 * c, c - 8.0), c + 8.0)
-        if following < 0.5:
-            break  # so dilute that no wave part is needed
-        new_split, new_excess = trial(following)
-        if following != c:
-            slope = min(-0.3, max(-3.0, (new_excess - excess) / (following - c)))
-        c, split, excess = following, new_split, new_excess
+        following = max(SMALLEST_PRODUCT, c + min(8.0, max(-8.0, -excess / slope)))
+        split, new_excess = trial(following)
+        slope = min(-0.3, max(-3.0, (new_excess - excess) / (following - c)))
+        c, excess = following, new_excess
+    else:
+        raise ConfigurationError(
+            f"far_field: no {kind} split with a truncation error of {target:.3g} at a cutoff of {cutoff:.3g} radii"
+        )
     return split, target * math.exp(excess)
 
 
@@ -120,10 +139,10 @@ def _window_for(kind: str, support: int, share: float, kmax: float, edge: float,
 
 
 def _sizes(split: Split, edge: float, support: int) -> list[int]:
-    """Grid sizes from the least possible one to that of an oversampling of about three."""
+    """Grid sizes from the least possible one to a generous one."""
     least = good_size(max(2 * max(largest_modes(split.kmax, edge)) + 1, support))
     sizes = [least]
-    while sizes[-1] < 1.5 * least + 8:
+    while sizes[-1] < 1.5 * least + 20:
         sizes.append(good_size(sizes[-1] + 1))
     return sizes
 
@@ -152,6 +171,7 @@ def _smallest_grid(split, number, edge, kind, support, target):
 
 def _choose_grid(split, number, edge, kind, supports, target):
     """(grid, window, error): the cheapest over the supports; ConfigurationError if none is good enough."""
+    supports = [p for p in supports if p >= FEWEST_POINTS * -math.log10(target)] or supports[-1:]
     best, least = None, math.inf
     for support in supports:
         found = _smallest_grid(split, number, edge, kind, support, target)
@@ -183,34 +203,39 @@ def _windows_for_grid(split, number, edge, kind, supports, grid, target):
 
 
 def _cutoffs(number: int, edge: float) -> list[float]:
-    """Cutoffs r_c to choose from, radii."""
-    largest = max(RELATIVE_CUTOFF * edge, SMALLEST_CUTOFF)
-    if number <= FEW:
-        return [largest]
-    steps = max(1, math.ceil(math.log(largest / SMALLEST_CUTOFF) / 0.1))
-    return [SMALLEST_CUTOFF * (largest / SMALLEST_CUTOFF) ** (n / steps) for n in range(steps + 1)]
+    """Cutoffs r_c to choose from, radii, in the order of trial."""
+    usual, largest = max(RELATIVE_CUTOFF * edge, SMALLEST_CUTOFF), max(RELATIVE_CUTOFF * edge, SURE_CUTOFF)
+    steps = max(1, math.ceil(math.log(largest / SMALLEST_CUTOFF) / 0.15))
+    cutoffs = [SMALLEST_CUTOFF * (largest / SMALLEST_CUTOFF) ** (n / steps) for n in range(steps + 1)]
+    if number > FEW:
+        return cutoffs
+    return [usual, *(r for r in cutoffs[::-1] if r < usual), *(r for r in cutoffs if r > usual)]
 
 
-def _cheapest_split(kind, cutoffs, number, edge, tolerance, target) -> tuple[Split, float]:
-    """The split, with its truncation error, at the cutoff with the least predicted time."""
+def _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target) -> tuple[float, float]:
+    """(r_c, about the c = kmax r_c it needs) with the least predicted time; for few spheres the first that will do.
+
+    The prolate split, quick to make, stands for the optimal one, which needs OPTIMAL_GAIN of its c.
+    """
+    gain, trial_kind = (OPTIMAL_GAIN, "pswf") if kind == "optimal" else (1.0, kind)
     fraction = number * 4.0 * math.pi / 3.0 / edge**3
     support = round(2.5 + 1.1 * math.log10(1.0 / tolerance))
-    best, least, c = None, math.inf, 10.0 + 1.1 * math.log10(COARSEST / tolerance)
+    best, least, c = None, math.inf, 10.0 + 2.0 * math.log10(COARSEST / tolerance)
     for cutoff in cutoffs:
         try:
-            split, error = _split_of(kind, cutoff, fraction, target, c)
+            split, error = _split_of(trial_kind, cutoff, fraction, target, c, 0.3)
         except ConfigurationError:  # the weight would not be positive: too short a cutoff for this kind
-            if cutoff == cutoffs[-1]:
-                raise
             continue
-        c = split.kmax * cutoff
-        size = max(support, good_size(math.ceil(3.6 * split.kmax * edge / (2.0 * math.pi))))
+        c, reach = split.kmax * cutoff, gain * split.kmax * edge / (2.0 * math.pi)
+        if reach < LOWEST_REACH or error < 0.5 * target:
+            continue
+        size = max(support, good_size(math.ceil(2.5 * reach)))
         seconds = predicted_seconds(number, edge, cutoff, (size,) * 3, support)
         if seconds < least:
-            best, least = (split, error), seconds
-        elif seconds > 2.0 * least:
+            best, least = (cutoff, gain * c), seconds
+        if seconds > 1.5 * least or number <= FEW:
             break
-    return best
+    return best or (cutoffs[-1], gain * c)
 
 
 def _check(tolerance: float, number: int, edge: float) -> None:
@@ -249,10 +274,12 @@ def choose_parameters(
     _check(tolerance, number, edge)
     factor = _norm_factor(number, edge)
     cutoffs = _cutoffs(number, edge) if cutoff is None else [cutoff]
-    chosen, truncation = _cheapest_split(
-        split, cutoffs, number, edge, tolerance, TRUNCATION_SHARE * tolerance * factor
-    )
-    supports, target = SUPPORTS if support is None else [support], GRID_SHARE * tolerance
+    share = TRUNCATION_SHARE * min(1.0, (number / SMALL_CELL) ** 0.45)
+    target = share * tolerance * factor
+    best, c = _cheapest_cutoff(split, cutoffs, number, edge, tolerance, target)
+    fraction = number * 4.0 * math.pi / 3.0 / edge**3
+    chosen, truncation = _split_of(split, best, fraction, target, c, 0.05)
+    supports, target = SUPPORTS if support is None else [support], GRID_SHARE * tolerance * min(1.0, factor)
     if grid is None:
         grid, window, aliasing = _choose_grid(chosen, number, edge, window, supports, target)
     else:
