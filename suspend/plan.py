@@ -12,6 +12,9 @@ from suspend.forces import interaction_range, pair_force
 SECONDS_PER_PAIR = 2.8e-7  # and velocity evaluation
 EVALUATIONS_PER_STRAIN = 90.0  # at integrator.tolerance 1e-3
 BYTES_PER_PAIR = 400
+PRODUCTS = 6.0  # with the mobility in a warm solve (benchmarks/bench_coupled.py)
+SECONDS_AROUND = 4e-7  # and sphere: near field and orthogonalisation of one iteration
+FAR_BYTES = 15_000  # a sphere, at tolerance 1e-3
 
 
 @dataclass(frozen=True)
@@ -36,12 +39,12 @@ def make_plan(config) -> Plan:
     particles, lubrication, flow = config.particles, config.lubrication, make_flow(config)
     edge = edge_length(particles.number, particles.volume_fraction)
     reach = interaction_range(pair_force(config.repulsion, config.contact))
-    figures = _estimates(config, flow, edge, max(reach, lubrication.cutoff if lubrication.enabled else 0.0))
+    ewald = _ewald(config, edge)
+    figures = _estimates(config, flow, edge, max(reach, lubrication.cutoff if lubrication.enabled else 0.0), ewald)
     terms = [
         ("spheres", f"{particles.number} at volume fraction {particles.volume_fraction:g}, cell edge {edge:.6g} a"),
         ("flow", _flow_text(config, flow)),
-        ("far field", "self: own drag and stresslet only; no grid, no FFT" if config.far_field == "self" else
-         "identity: as the authors' code (rotational drag x 3/4, stresslet x 9/5)"),
+        ("far field", _far_field_text(config, ewald)),
         ("lubrication", f"on: pairs closer than {lubrication.cutoff:g} a, {lubrication.at_cutoff} at the cutoff"
          + (f", frozen below {lubrication.minimum_gap:g} a" if lubrication.minimum_gap else "")
          if lubrication.enabled else "off (lubrication.enabled: false): no table, no linear system"),
@@ -54,13 +57,35 @@ def make_plan(config) -> Plan:
         ("start", "random packing" if particles.initial == "random" else str(particles.initial)),
         ("steps", f"{config.integrator.method}, tolerance {config.integrator.tolerance:g}"
          if config.integrator.step is None else f"{config.integrator.method}, fixed {config.integrator.step:g}"),
-        ("velocity solve", f"tolerance {config.solver.tolerance:g}"),
+        ("velocity solve", f"near field alone, tolerance {config.solver.tolerance:g}" if ewald is None else
+         f"near and far field coupled, residual {config.solver.far_tolerance:g}"),
         ("samples", f"{config.output.samples_per_cycle} a cycle" + (
             ", stress of every sphere" if config.output.particle_stress else "")),
         ("memory", f"about {figures['memory_MB']:.0f} MB"),
         ("time", f"about {figures['seconds']:.0f} s on one core (a guess from N and phi)"),
     ]  # fmt: skip
     return Plan(terms, figures)
+
+
+def _ewald(config, edge: float):
+    """Parameters of the Ewald sum, None without far field."""
+    if config.far_field != "ewald":
+        return None
+    from suspend.farfield import make_parameters
+
+    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
+
+
+def _far_field_text(config, ewald) -> str:
+    if config.far_field == "self":
+        return "self: own drag and stresslet only; no grid, no FFT"
+    if ewald is None:
+        return "identity: as the authors' code (rotational drag x 3/4, stresslet x 9/5)"
+    grid = " x ".join(str(n) for n in ewald.grid)
+    return (
+        f"ewald: spectral Ewald sum, tolerance {config.ewald.tolerance:g}: real space to {ewald.split.cutoff:.3g} a, "
+        f"grid {grid}, {ewald.window.kind} window of {ewald.window.support} points"
+    )
 
 
 def _flow_text(config, flow: Flow) -> str:
@@ -72,20 +97,24 @@ def _flow_text(config, flow: Flow) -> str:
     return f"{config.flow.type}, total strain (time x rate) {end:g} in {flow.cycles} blocks"
 
 
-def _estimates(config, flow: Flow, edge: float, reach: float) -> dict:
+def _estimates(config, flow: Flow, edge: float, reach: float, ewald) -> dict:
     number = config.particles.number
     pairs = 0.5 * number * number / edge**3 * 4.19 * max(reach**3 - 8.0, 0.0) if reach else 0.0
     strain = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
     evaluations = strain * EVALUATIONS_PER_STRAIN * (1e-3 / config.integrator.tolerance) ** 0.4
     evaluations += flow.cycles * config.output.samples_per_cycle * 0.3
     sphere_stress = 48 * number * config.output.samples_per_cycle if config.output.particle_stress else 0
+    products = evaluations * PRODUCTS if ewald is not None else 0.0
+    far_seconds = ewald.seconds + SECONDS_AROUND * number if ewald is not None else 0.0
     return {
         "number": number,
         "cell_edge": edge,
         "cycles": flow.cycles,
         "total_strain": strain,
         "pairs": round(pairs),
-        "memory_MB": 120 + (BYTES_PER_PAIR * 1.5 * pairs + 3000 * number + 3 * sphere_stress) / 1e6,
+        "memory_MB": 120
+        + (BYTES_PER_PAIR * 1.5 * pairs + 3000 * number + 3 * sphere_stress) / 1e6
+        + (FAR_BYTES * number / 1e6 if ewald is not None else 0.0),
         "evaluations": round(evaluations),
-        "seconds": evaluations * (pairs * SECONDS_PER_PAIR + 1e-4),
+        "seconds": evaluations * (pairs * SECONDS_PER_PAIR + 1e-4) + products * far_seconds,
     }
