@@ -21,7 +21,7 @@ import numpy as np
 
 from suspend.core.ewald_functions import wave_weight
 from suspend.core.jit import kernel, scalar
-from suspend.core.lanes import dot, load, multiply_add, scaled, store
+from suspend.core.lanes import load, multiply_add, scaled, store, total
 
 _R2, _R6 = math.sqrt(0.5), math.sqrt(1.0 / 6.0)
 
@@ -121,14 +121,11 @@ def spread_profiles(m, tilt, w3, d3, s3, w, d, s):
 
 
 @kernel
-def spread_sphere(i, planes, strip, stencil, loads, tilt, grid, support, lanes):
-    """Add sphere i of the stencil to the grid's planes[0]:planes[1], points strip, ... of its rows."""
+def spread_sphere(i, planes, stencil, loads, tilt, grid, support, lanes):
+    """Add sphere i of the stencil to the grid's planes[0]:planes[1]."""
     weight = stencil.weight
     padded = weight.shape[3]
     at = 9 * padded * i
-    w = load(weight, at + strip, lanes)
-    d = load(weight, at + padded + strip, lanes)
-    s = load(weight, at + 2 * padded + strip, lanes)
     row = grid.shape[3]
     mx, my, mz = moments(loads, stencil.sphere[i], tilt)
     z = stencil.base[i, 2] - 1
@@ -139,22 +136,26 @@ def spread_sphere(i, planes, strip, stencil, loads, tilt, grid, support, lanes):
         if z < planes[0] or z >= planes[1]:
             continue
         w3, d3, s3 = weight[i, 2, 0, i3], weight[i, 2, 1, i3], weight[i, 2, 2, i3]
-        x0, x1, x2 = spread_profiles(mx, tilt, w3, d3, s3, w, d, s)
-        y0, y1, y2 = spread_profiles(my, tilt, w3, d3, s3, w, d, s)
-        z0, z1, z2 = spread_profiles(mz, tilt, w3, d3, s3, w, d, s)
-        y = stencil.base[i, 1] - 1
-        for i2 in range(support):
-            y += 1
-            if y >= grid.shape[1]:
-                y -= grid.shape[1]
-            w2, d2, s2 = weight[i, 1, 0, i2], weight[i, 1, 1, i2], weight[i, 1, 2, i2]
-            g = (z * grid.shape[1] + y) * 3 * row + stencil.base[i, 0] + strip
-            v = multiply_add(d2, x1, multiply_add(w2, x0, load(grid, g, lanes)))
-            store(grid, g, multiply_add(s2, x2, v))
-            v = multiply_add(d2, y1, multiply_add(w2, y0, load(grid, g + row, lanes)))
-            store(grid, g + row, multiply_add(s2, y2, v))
-            v = multiply_add(d2, z1, multiply_add(w2, z0, load(grid, g + 2 * row, lanes)))
-            store(grid, g + 2 * row, multiply_add(s2, z2, v))
+        for strip in range(0, padded, len(lanes)):
+            w = load(weight, at + strip, lanes)
+            d = load(weight, at + padded + strip, lanes)
+            s = load(weight, at + 2 * padded + strip, lanes)
+            x0, x1, x2 = spread_profiles(mx, tilt, w3, d3, s3, w, d, s)
+            y0, y1, y2 = spread_profiles(my, tilt, w3, d3, s3, w, d, s)
+            z0, z1, z2 = spread_profiles(mz, tilt, w3, d3, s3, w, d, s)
+            y = stencil.base[i, 1] - 1
+            for i2 in range(support):
+                y += 1
+                if y >= grid.shape[1]:
+                    y -= grid.shape[1]
+                w2, d2, s2 = weight[i, 1, 0, i2], weight[i, 1, 1, i2], weight[i, 1, 2, i2]
+                g = (z * grid.shape[1] + y) * 3 * row + stencil.base[i, 0] + strip
+                v = multiply_add(d2, x1, multiply_add(w2, x0, load(grid, g, lanes)))
+                store(grid, g, multiply_add(s2, x2, v))
+                v = multiply_add(d2, y1, multiply_add(w2, y0, load(grid, g + row, lanes)))
+                store(grid, g + row, multiply_add(s2, y2, v))
+                v = multiply_add(d2, z1, multiply_add(w2, z0, load(grid, g + 2 * row, lanes)))
+                store(grid, g + 2 * row, multiply_add(s2, z2, v))
 
 
 @kernel
@@ -166,8 +167,7 @@ def spread_planes(planes, stencil, loads, tilt, grid, support, lanes):
         if (planes[0] - b) % m3 >= support and not planes[0] <= b < planes[1]:
             continue
         for i in range(stencil.first[b * m2], stencil.first[(b + 1) * m2]):
-            for strip in range(0, stencil.weight.shape[3], len(lanes)):
-                spread_sphere(i, planes, strip, stencil, loads, tilt, grid, support, lanes)
+            spread_sphere(i, planes, stencil, loads, tilt, grid, support, lanes)
 
 
 @kernel
@@ -193,71 +193,72 @@ def open_rows(planes, grid, length, support):
 
 
 @scalar
-def finish_profiles(tilt, p0, p1, p2, p3, w, d, s):
-    """(1 + lap/15) u, D1 u, D2 u, D3 u of one component from the sums over axes 2 and 3 (lanes)."""
-    u, first = dot(w, p0), dot(d, p0)
-    second = dot(w, p1)
-    lap = (1.0 + tilt * tilt) * dot(s, p0) - 2.0 * tilt * dot(d, p1) + dot(w, p2)
-    return u + lap / 15.0, first, second, dot(w, p3)
+def add_profiles(sums, tilt, w3, d3, s3, q0, q1, q2, w, d, s):
+    """Add one plane of one component to its four sums: (1 + lap/15) u, D1 u, D2 u, D3 u (lanes).
+
+    q0, q1, q2 : rows summed with the window along axis 2 and its derivatives; the rest as `spread_profiles`.
+    """
+    value = multiply_add(w3 / 15.0, q2, scaled(w3 + s3 / 15.0, q0))
+    value = multiply_add(w, value, sums[0])
+    value = multiply_add(s, scaled((1.0 + tilt * tilt) / 15.0 * w3, q0), value)
+    value = multiply_add(d, scaled(-2.0 * tilt / 15.0 * w3, q1), value)
+    return (
+        value,
+        multiply_add(d, scaled(w3, q0), sums[1]),
+        multiply_add(w, scaled(w3, q1), sums[2]),
+        multiply_add(w, scaled(d3, q0), sums[3]),
+    )
 
 
 @kernel
-def gather_sphere(i, strip, stencil, tilt, grid, support, lanes):
-    """Transpose of `spread_sphere`: for each component (1 + lap/15) u, D1 u, D2 u, D3 u (12 floats)."""
+def gather_sphere(i, stencil, tilt, grid, support, lanes):
+    """Transpose of `spread_sphere`: for each component (1 + lap/15) u, D1 u, D2 u, D3 u (lanes, to be summed)."""
     weight = stencil.weight
     padded = weight.shape[3]
     row = grid.shape[3]
-    at = 9 * padded * i
-    w = load(weight, at + strip, lanes)
-    zero = scaled(0.0, w)
-    x0, x1, x2, x3 = zero, zero, zero, zero
-    y0, y1, y2, y3 = zero, zero, zero, zero
-    z0, z1, z2, z3 = zero, zero, zero, zero
-    z = stencil.base[i, 2] - 1
+    first = 9 * padded * i
+    zero = scaled(0.0, load(weight, first, lanes))
+    x = y = z = (zero, zero, zero, zero)
+    m3 = stencil.base[i, 2] - 1
     for i3 in range(support):
-        z += 1
-        if z >= grid.shape[0]:
-            z -= grid.shape[0]
-        a0, a1, a2, b0, b1, b2, c0, c1, c2 = zero, zero, zero, zero, zero, zero, zero, zero, zero
-        y = stencil.base[i, 1] - 1
-        for i2 in range(support):
-            y += 1
-            if y >= grid.shape[1]:
-                y -= grid.shape[1]
-            wy, dy, sy = weight[i, 1, 0, i2], weight[i, 1, 1, i2], weight[i, 1, 2, i2]
-            at = (z * grid.shape[1] + y) * 3 * row + stencil.base[i, 0] + strip
-            g = load(grid, at, lanes)
-            a0, a1, a2 = multiply_add(wy, g, a0), multiply_add(dy, g, a1), multiply_add(sy, g, a2)
-            g = load(grid, at + row, lanes)
-            b0, b1, b2 = multiply_add(wy, g, b0), multiply_add(dy, g, b1), multiply_add(sy, g, b2)
-            g = load(grid, at + 2 * row, lanes)
-            c0, c1, c2 = multiply_add(wy, g, c0), multiply_add(dy, g, c1), multiply_add(sy, g, c2)
-        wz, dz, sz = weight[i, 2, 0, i3], weight[i, 2, 1, i3], weight[i, 2, 2, i3]
-        x0, x1, x3 = multiply_add(wz, a0, x0), multiply_add(wz, a1, x1), multiply_add(dz, a0, x3)
-        y0, y1, y3 = multiply_add(wz, b0, y0), multiply_add(wz, b1, y1), multiply_add(dz, b0, y3)
-        z0, z1, z3 = multiply_add(wz, c0, z0), multiply_add(wz, c1, z1), multiply_add(dz, c0, z3)
-        x2 = multiply_add(sz, a0, multiply_add(wz, a2, x2))
-        y2 = multiply_add(sz, b0, multiply_add(wz, b2, y2))
-        z2 = multiply_add(sz, c0, multiply_add(wz, c2, z2))
-    at = 9 * padded * i
-    d = load(weight, at + padded + strip, lanes)
-    s = load(weight, at + 2 * padded + strip, lanes)
-    return (
-        finish_profiles(tilt, x0, x1, x2, x3, w, d, s),
-        finish_profiles(tilt, y0, y1, y2, y3, w, d, s),
-        finish_profiles(tilt, z0, z1, z2, z3, w, d, s),
-    )
+        m3 += 1
+        if m3 >= grid.shape[0]:
+            m3 -= grid.shape[0]
+        w3, d3, s3 = weight[i, 2, 0, i3], weight[i, 2, 1, i3], weight[i, 2, 2, i3]
+        for strip in range(0, padded, len(lanes)):
+            a0, a1, a2, b0, b1, b2, c0, c1, c2 = zero, zero, zero, zero, zero, zero, zero, zero, zero
+            m2 = stencil.base[i, 1] - 1
+            for i2 in range(support):
+                m2 += 1
+                if m2 >= grid.shape[1]:
+                    m2 -= grid.shape[1]
+                w2, d2, s2 = weight[i, 1, 0, i2], weight[i, 1, 1, i2], weight[i, 1, 2, i2]
+                at = (m3 * grid.shape[1] + m2) * 3 * row + stencil.base[i, 0] + strip
+                g = load(grid, at, lanes)
+                a0, a1, a2 = multiply_add(w2, g, a0), multiply_add(d2, g, a1), multiply_add(s2, g, a2)
+                g = load(grid, at + row, lanes)
+                b0, b1, b2 = multiply_add(w2, g, b0), multiply_add(d2, g, b1), multiply_add(s2, g, b2)
+                g = load(grid, at + 2 * row, lanes)
+                c0, c1, c2 = multiply_add(w2, g, c0), multiply_add(d2, g, c1), multiply_add(s2, g, c2)
+            w = load(weight, first + strip, lanes)
+            d = load(weight, first + padded + strip, lanes)
+            s = load(weight, first + 2 * padded + strip, lanes)
+            x = add_profiles(x, tilt, w3, d3, s3, a0, a1, a2, w, d, s)
+            y = add_profiles(y, tilt, w3, d3, s3, b0, b1, b2, w, d, s)
+            z = add_profiles(z, tilt, w3, d3, s3, c0, c1, c2, w, d, s)
+    return x, y, z
 
 
 @scalar
 def add_motion(result, j, tilt, ux, uy, uz):
-    """Add [U; Omega; E] of one strip's (u, D1 u, D2 u, D3 u) of each component to row j of `result` (N, 11)."""
-    xx, yx, zx = ux[1], ux[2] - tilt * ux[1], ux[3]  # pq: d_p u_q
-    xy, yy, zy = uy[1], uy[2] - tilt * uy[1], uy[3]
-    xz, yz, zz = uz[1], uz[2] - tilt * uz[1], uz[3]
-    result[j, 0] += ux[0]
-    result[j, 1] += uy[0]
-    result[j, 2] += uz[0]
+    """Add [U; Omega; E] from the sums (u, D1 u, D2 u, D3 u) of each component to row j of `result` (N, 11)."""
+    xx, zx = total(ux[1]), total(ux[3])  # pq: d_p u_q
+    xy, zy = total(uy[1]), total(uy[3])
+    xz, zz = total(uz[1]), total(uz[3])
+    yx, yy, yz = total(ux[2]) - tilt * xx, total(uy[2]) - tilt * xy, total(uz[2]) - tilt * xz
+    result[j, 0] += total(ux[0])
+    result[j, 1] += total(uy[0])
+    result[j, 2] += total(uz[0])
     result[j, 3] += 0.5 * (yz - zy)
     result[j, 4] += 0.5 * (zx - xz)
     result[j, 5] += 0.5 * (xy - yx)
@@ -272,9 +273,8 @@ def add_motion(result, j, tilt, ux, uy, uz):
 def gather_rows(first, last, stencil, tilt, grid, support, result, lanes):
     """Add the interpolated [U; Omega; E] of spheres first:last of the stencil to `result` (N, 11)."""
     for i in range(first, last):
-        for strip in range(0, stencil.weight.shape[3], len(lanes)):
-            ux, uy, uz = gather_sphere(i, strip, stencil, tilt, grid, support, lanes)
-            add_motion(result, stencil.sphere[i], tilt, ux, uy, uz)
+        ux, uy, uz = gather_sphere(i, stencil, tilt, grid, support, lanes)
+        add_motion(result, stencil.sphere[i], tilt, ux, uy, uz)
 
 
 @scalar

@@ -68,43 +68,50 @@ def store(typing, array, offset, vector):
     return types.none(array, types.int64, vector), generate
 
 
+def _as_lanes(builder, kind, value, width):
+    return value if isinstance(kind, LanesType) else _spread(builder, value, width)
+
+
 @intrinsic
 def scaled(typing, factor, vector):
-    """Factor * vector."""
+    """Factor (scalar or lanes) * vector."""
+    factor = factor if isinstance(factor, LanesType) else types.float64
 
     def generate(context, builder, signature, values):
-        return builder.fmul(_spread(builder, values[0], vector.width), values[1])
+        return builder.fmul(_as_lanes(builder, factor, values[0], vector.width), values[1])
 
-    return vector(types.float64, vector), generate
+    return vector(factor, vector), generate
 
 
 @intrinsic
 def multiply_add(typing, factor, vector, addend):
-    """Factor * vector + addend, rounded once."""
+    """Factor (scalar or lanes) * vector + addend, rounded once."""
+    factor = factor if isinstance(factor, LanesType) else types.float64
 
     def generate(context, builder, signature, values):
         kind = ir.VectorType(_DOUBLE, vector.width)
         name, function = f"llvm.fma.v{vector.width}f64", ir.FunctionType(kind, [kind] * 3)
         fused = builder.module.declare_intrinsic(name, (), function)
-        return builder.call(fused, [_spread(builder, values[0], vector.width), values[1], values[2]])
+        return builder.call(
+            fused, [_as_lanes(builder, factor, values[0], vector.width), values[1], values[2]]
+        )
 
-    return vector(types.float64, vector, vector), generate
+    return vector(factor, vector, vector), generate
 
 
 @intrinsic
-def dot(typing, left, right):
-    """Sum of the lanes' products, halves first (a fixed order)."""
+def total(typing, vector):
+    """Sum of the lanes, halves first (a fixed order)."""
 
     def generate(context, builder, signature, values):
-        product = builder.fmul(values[0], values[1])
-        width = left.width
+        value, width = values[0], vector.width
         while width > 1:
             width //= 2
             low = ir.Constant(ir.VectorType(ir.IntType(32), width), list(range(width)))
             high = ir.Constant(ir.VectorType(ir.IntType(32), width), list(range(width, 2 * width)))
-            product = builder.fadd(
-                builder.shuffle_vector(product, product, low), builder.shuffle_vector(product, product, high)
+            value = builder.fadd(
+                builder.shuffle_vector(value, value, low), builder.shuffle_vector(value, value, high)
             )
-        return builder.extract_element(product, ir.Constant(ir.IntType(32), 0))
+        return builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
 
-    return types.float64(left, right), generate
+    return types.float64(vector), generate

@@ -176,7 +176,7 @@ class WavePart:
                     f"far_field grid: {m} points along axis {axis + 1}; modes up to {n} and a window of "
                     f"{window.support} points need at least {max(2 * n + 1, window.support)}"
                 )
-        self.lanes = LANES_4 if window.support <= 4 or 8 < window.support <= 12 else LANES_8
+        self.lanes = LANES_4 if window.support <= 4 else LANES_8
         width = len(self.lanes)
         padded = -(-window.support // width) * width
         polynomials = window.polynomials()
