@@ -11,6 +11,7 @@ import numpy as np
 from suspend.errors import ConfigurationError
 from suspend.oneshot.scene import Method, PeriodicScene
 from suspend.short_time import literature
+from suspend.short_time.equilibrium import equilibrium_scene, long_wave_structure
 from suspend.short_time.estimators import Measured, Solve, measure
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
@@ -54,6 +55,8 @@ class Structure:
     contact_value: float  # g(2a), NaN where too few pairs
     contact_error: float
     equilibrium_contact_value: float  # Carnahan & Starling
+    long_waves: float  # S(k) of the longest waves; at equilibrium about S(0)
+    long_waves_error: float | None  # from the scatter of the configurations, None with one
     global_q6: float
     crystal_fraction: float
 
@@ -120,19 +123,31 @@ def short_time_properties(
 def equilibrium_scenes(
     number: int, volume_fraction: float, configurations: int, seed: int, minimum_gap: float = 0.0
 ) -> Iterator[PeriodicScene]:
-    """Independent random packings, made one by one (`suspend.packing`): an equilibrium fluid up to phi = 0.494."""
-    from suspend.packing import random_packing
-
+    """Independent configurations of the hard-sphere fluid, made one by one (`equilibrium_scene`)."""
     for entropy in np.random.SeedSequence(seed).generate_state(configurations):
-        packing = random_packing(number, volume_fraction, minimum_gap, int(entropy))
-        yield PeriodicScene(packing.positions, packing.length)
+        yield equilibrium_scene(number, volume_fraction, int(entropy), minimum_gap)
 
 
-def _structure(scene: PeriodicScene) -> tuple[float, float, float, float]:
+def _structure(scene: PeriodicScene) -> tuple[float, ...]:
     position, tilt = scene.wrapped(), scene.reduced_tilt
     contact = contact_value(position, scene.edge, tilt)
     order = bond_order(position, scene.edge, tilt)
-    return contact.value, contact.error, order.global_q6, order.crystal_fraction
+    waves = long_wave_structure(scene)
+    return contact.value, contact.error, waves, order.global_q6, order.crystal_fraction
+
+
+def _mean_structure(phi: float, structures: list) -> Structure:
+    g, g_error, waves, q6, crystal = np.array(structures).T
+    count = len(g)
+    return Structure(
+        float(g.mean()),
+        float(np.sqrt(np.mean(g_error**2) / count)),
+        carnahan_starling(phi),
+        float(waves.mean()),
+        float(waves.std(ddof=1) / math.sqrt(count)) if count > 1 else None,
+        float(q6.mean()),
+        float(crystal.mean()),
+    )
 
 
 def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], structures: list) -> ShortTimeProperties:
@@ -152,14 +167,6 @@ def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], str
             "U", np.array([m.settling for m in measured]), phi, shift * compressibility if periodic else None
         ),
     )
-    g, g_error, q6, crystal = np.array(structures).T
-    structure = Structure(
-        float(g.mean()),
-        float(np.sqrt(np.mean(g_error**2) / len(g))),
-        carnahan_starling(phi),
-        float(q6.mean()),
-        float(crystal.mean()),
-    )
     return ShortTimeProperties(
         number,
         phi,
@@ -171,7 +178,7 @@ def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], str
         method.accuracy,
         shift,
         compressibility,
-        structure,
+        _mean_structure(phi, structures),
         rows,
     )
 

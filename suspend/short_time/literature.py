@@ -56,7 +56,7 @@ FITS = {
 def fit(name: str, phi: float) -> Fit | None:
     """The literature's value of `eta_inf`, `D_s`, `D_r` or `U` (over the dilute one); None beyond its range."""
     function, source = FITS[name]
-    return Fit(function(phi), source) if 0.0 <= phi <= LARGEST_FRACTION else None
+    return Fit(function(phi), source) if 0.0 <= phi <= LARGEST_FRACTION + 1e-9 else None  # rounding of N/V
 
 
 def structure_factor_at_zero(phi: float) -> float:

@@ -36,7 +36,7 @@ def lines(result: ShortTimeProperties, source: str) -> list[str]:
         f" {result.volume_fraction:.6g}",
         f"far field {result.far_field}, {lubrication}, accuracy {result.accuracy:g}, {result.solves} solves"
         + (f", {result.probes} random loads a configuration" if result.probes else ", exact traces"),
-        _structure(result),
+        *_structure(result),
         "",
         f"{'':14}{'computed':>10}{'+-':>9}{'within':>9}{'corrected':>11}{'literature':>12}{'deviation':>11}",
     ]
@@ -48,15 +48,18 @@ def lines(result: ShortTimeProperties, source: str) -> list[str]:
     return head + rows + ["", *_notes(result)]
 
 
-def _structure(result: ShortTimeProperties) -> str:
+def _structure(result: ShortTimeProperties) -> list[str]:
     s = result.structure
     contact = "too few close pairs for g(2a)"
     if not math.isnan(s.contact_value):
         contact = f"g(2a) {s.contact_value:.3f} +- {s.contact_error:.3f}"
-    return (
-        f"{contact} (Carnahan-Starling {s.equilibrium_contact_value:.3f}), global Q6 {s.global_q6:.3f},"
-        f" crystalline spheres {100.0 * s.crystal_fraction:.1f} %"
-    )
+    waves = f"S of the longest waves {s.long_waves:.3f}"
+    waves += f" +- {s.long_waves_error:.3f}" if s.long_waves_error is not None else ""
+    return [
+        f"{contact} and {waves} (equilibrium fluid: {s.equilibrium_contact_value:.3f} and"
+        f" {result.structure_factor:.3f}),",
+        f"global Q6 {s.global_q6:.3f}, crystalline spheres {100.0 * s.crystal_fraction:.1f} %",
+    ]
 
 
 def _number(value: float | None, width: int) -> str:
@@ -69,22 +72,22 @@ def _percent(value: float | None) -> str:
 
 def _notes(result: ShortTimeProperties) -> list[str]:
     notes = [f"{NAMES[name]}: {meaning}" for name, meaning in MEANING.items()]
-    notes.append(
-        "+-: standard error over configurations; within: the same from the scatter inside them, over random loads"
-        " (D_s, D_r) or directions (eta_inf, U)"
-    )
+    notes += [
+        "+-: standard error over configurations; within: the same from the scatter inside them, over",
+        "  random loads (D_s, D_r) or directions (eta_inf, U)",
+    ]
     if result.finite_size_shift is not None:
-        notes.append(
-            f"corrected for the finite cell (Ladd 1990): D_s/D0 + {result.finite_size_shift:.4f}, U/U0 + that times"
-            f" S(0) = {result.structure_factor:.4f} (Carnahan-Starling)"
-        )
+        notes += [
+            f"corrected for the finite cell (Ladd 1990): D_s/D0 + {result.finite_size_shift:.4f}, U/U0 + that times",
+            f"  S(0) = {result.structure_factor:.4f} (Carnahan-Starling)",
+        ]
     else:
         notes.append(f"far field {result.far_field}: nothing to correct; the literature has the many-body far field")
     if result.far_field == "ewald" and result.lubrication:
-        notes.append(
-            "U at the force-torque-stresslet level is known to come out too fast for random spheres: "
-            + literature.KNOWN_EXCESS
-        )
+        notes += [
+            "U at the force-torque-stresslet level is known to come out too fast for random spheres:",
+            f"  {literature.KNOWN_EXCESS}",
+        ]
     notes.append("literature: fits for fluids at equilibrium, phi <= 0.5:")
     notes += [f"  {NAMES[p.name]}: {p.source}" for p in result.properties]
     return notes
