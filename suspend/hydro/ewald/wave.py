@@ -183,7 +183,7 @@ class WavePart:
         self._polynomials = np.zeros((*polynomials.shape[:2], padded))
         self._polynomials[..., : window.support] = polynomials
         row = -(-(self.shape[0] + padded) // 8) * 8
-        self._transforms = _Transforms(self.shape, row, self.largest, threads)
+        self.transforms = _Transforms(self.shape, row, self.largest, threads)
         self.slabs = _cut(self.shape[2], threads)
         self.scaling = np.zeros((self.shape[2], self.shape[1], self.largest[0] + 1))
         self._inverse2 = tuple(self._inverse_transform2(m) for m in self.shape)
@@ -220,7 +220,7 @@ class WavePart:
 
     def add(self, loads: np.ndarray, result: np.ndarray) -> None:
         """result += wave part . loads, both (N, 11), each sphere's own part included."""
-        transforms, support, length = self._transforms, self.window.support, self.shape[0]
+        transforms, support, length = self.transforms, self.window.support, self.shape[0]
         grid, tilt = transforms.grid, self.tilt
         _spread(self.slabs, self.stencil, loads, tilt, grid, length, support, self.lanes)
         transforms.to_modes()

@@ -36,6 +36,16 @@ def _prolate(shape: float) -> np.ndarray:
     return prolate(shape)[0]
 
 
+_gauss = functools.cache(np.polynomial.legendre.leggauss)
+
+
+@functools.cache
+def _chebyshev_powers(number: int = 20) -> np.ndarray:
+    """Columns: ascending power coefficients of the Chebyshev polynomials."""
+    columns = [np.polynomial.chebyshev.cheb2poly(unit) for unit in np.eye(number)]
+    return np.array([np.pad(column, (0, number - len(column))) for column in columns]).T
+
+
 @dataclass(frozen=True)
 class Window:
     """A window: kind, support P (grid points) and shape parameter c."""
@@ -66,7 +76,7 @@ class Window:
 
     def transform(self, xi: np.ndarray) -> np.ndarray:
         """Fourier transform int w(x) cos(xi x) dx at xi (n,), radians per cell, by Gauss-Legendre quadrature."""
-        nodes, weights = np.polynomial.legendre.leggauss(24 + 3 * self.support)
+        nodes, weights = _gauss(24 + 3 * self.support)
         x = 0.5 * self.support * nodes
         return np.cos(np.outer(xi, x)) @ (0.5 * self.support * weights * self.value(x))
 
@@ -85,13 +95,11 @@ class Window:
         tail = np.cumsum(terms[::-1], axis=0)[::-1].max(axis=1)
         degree = max(3, int((tail > 0.1 * (2.0 * self.shape / self.support) ** 2 * edge).sum()) - 1)
         series = series[: degree + 1]
+        power = _chebyshev_powers()[: degree + 1, : degree + 1] @ series  # ascending powers of v
         out = np.zeros((3, degree + 1, self.support))
-        for p in range(self.support):
-            power = np.polynomial.chebyshev.cheb2poly(series[:, p])
-            power = np.pad(power, (0, degree + 1 - len(power)))
-            for n, sign in enumerate((1.0, -1.0, 1.0)):  # d/dx_centre = -d/df = -2 d/dv
-                derivative = sign * 2.0**n * np.polynomial.polynomial.polyder(power, n)
-                out[n, n:, p] = derivative[::-1]
+        for n, sign in enumerate((1.0, -1.0, 1.0)):  # d/dx_centre = -d/df = -2 d/dv
+            derivative = sign * 2.0**n * np.polynomial.polynomial.polyder(power, n)
+            out[n, n:] = derivative[::-1]
         return out
 
 
@@ -107,7 +115,7 @@ def _offsets(number: int = 6) -> tuple[np.ndarray, np.ndarray]:
 
     Half a cell: the other half mirrors it.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(number)
+    nodes, weights = _gauss(number)
     u = 0.5 * (nodes + 1.0)
     return 0.5 * u**2, weights * u
 
@@ -127,7 +135,7 @@ def _errors(window: Window, xi: np.ndarray) -> np.ndarray:
 
 def _sample(inner: float, radial: int, directions: int) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) of the unit ball without a ball of radius `inner`, weights (n,) that integrate over it."""
-    nodes, weights = np.polynomial.legendre.leggauss(radial)
+    nodes, weights = _gauss(radial)
     r, w = inner + 0.5 * (1.0 - inner) * (nodes + 1.0), 0.5 * (1.0 - inner) * weights
     i = np.arange(directions) + 0.5
     z, turn = 1.0 - 2.0 * i / directions, np.pi * (1.0 + math.sqrt(5.0)) * i
@@ -137,12 +145,10 @@ def _sample(inner: float, radial: int, directions: int) -> tuple[np.ndarray, np.
     return points, np.repeat(4.0 * np.pi * r**2 * w / directions, directions)
 
 
-def _interpolated_errors(window: Window, xi: np.ndarray, intervals: int = 24) -> np.ndarray:
-    """`_errors` at many xi of either sign, by linear interpolation."""
-    ends = np.linspace(0.0, np.abs(xi).max(), intervals + 1)
-    table = _errors(window, ends)
-    at = np.minimum((np.abs(xi) / ends[1]).astype(int), intervals - 1)
-    u = np.abs(xi) / ends[1] - at
+def _interpolated(table: np.ndarray, step: float, xi: np.ndarray) -> np.ndarray:
+    """A `_errors` table at 0, step, 2 step, ..., at many xi of either sign, by linear interpolation."""
+    at = np.minimum((np.abs(xi) / step).astype(int), table.shape[2] - 2)
+    u = np.abs(xi) / step - at
     errors = (1.0 - u) * table[:, :, at] + u * table[:, :, at + 1]
     return np.where(xi < 0.0, errors.conj(), errors)
 
@@ -198,10 +204,12 @@ def aliasing_parts(
     transverse = np.eye(3) - k[:, :, None] * k[:, None, :] / k2[:, None, None]
     exact = exact @ transverse
     load2 = (np.abs(exact) ** 2).sum(axis=(1, 2))
+    xi = (k + tilt * k[:, :1] * [0.0, 1.0, 0.0]) * edge / grid  # radians per cell along the lattice vectors
+    ends = np.linspace(0.0, np.abs(xi).max(), 25)
+    table = _errors(window, ends)
     own = other = 0.0
     for axis, m in enumerate(grid):
-        lattice = k[:, axis] + (tilt * k[:, 0] if axis == 1 else 0.0)
-        errors = _interpolated_errors(window, lattice * edge / m)
+        errors = _interpolated(table, ends[1], xi[:, axis])
         force, gradient = _load_errors(k, axis, tilt, errors, m / edge)
         for f, share in enumerate(_offsets()[1]):
             wrong = _functionals(force[f], gradient[:, f])
@@ -212,6 +220,12 @@ def aliasing_parts(
     return own, other
 
 
+def whole_norm(number: int, edge: float) -> float:
+    """Norm of [U; Omega; E] per sphere for random unit loads: a sphere's own part and the longest waves."""
+    waves = 72.0 * LOWEST_MODES / (16.0 * math.pi**2) * number / edge**2
+    return math.sqrt(SELF_NORM2 + waves)
+
+
 def aliasing_error(
     split: Split, edge: float, number: int, grid: tuple[int, int, int], window: Window, sample=(12, 24)
 ) -> float:
@@ -220,8 +234,7 @@ def aliasing_error(
     At a tilt of 1/2, the worst. To first order in the aliasing; measured errors lie within a third of it.
     """
     own, other = aliasing_parts(split, edge, grid, window, 0.5, sample)
-    waves = 72.0 * LOWEST_MODES / (16.0 * np.pi**2) * number / edge**2
-    return math.sqrt((own + number * other) / (SELF_NORM2 + waves))
+    return math.sqrt(own + number * other) / whole_norm(number, edge)
 
 
 def matched_shape(kind: str, support: int, oversampling: float) -> float:
@@ -320,15 +333,15 @@ def choose_window(
     """
     if not 0 < error < 1:
         raise ConfigurationError(f"far_field: a window error of {error:g}; needed is 0 < error < 1")
-    best = None
-    digits = -math.log10(error)
-    for support in range(max(3, round(0.9 * digits)), LARGEST_SUPPORT + 1):
-        least = number * 7e-9 * support**2 * -(-support // 8) * (0.8 if support <= 4 else 1.0)
-        if best is not None and least > best[0]:
-            break
+    best, since = None, 0
+    for support in range(max(3, round(-0.9 * math.log10(error))), LARGEST_SUPPORT + 1):
         found = _least_size(split, edge, number, support, kind, error)
         if found is not None and (best is None or found[0] < best[0]):
-            best = found
+            best, since = found, 0
+        elif best is not None:
+            since += 1
+            if since == 2:  # the cost has its minimum behind it
+                break
     if best is None:
         raise ConfigurationError(
             f"far_field: no {kind} window of up to {LARGEST_SUPPORT} points has an error of {error:g}; "
