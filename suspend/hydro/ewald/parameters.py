@@ -8,6 +8,7 @@ where a product takes the least time.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -15,12 +16,18 @@ from suspend.errors import ConfigurationError
 from suspend.hydro.ewald.split import Split, make_split
 from suspend.hydro.ewald.truncation import truncation_error
 from suspend.hydro.ewald.windows import (
+    LARGEST_SUPPORT,
     LOWEST_MODES,
     SELF_NORM2,
-    SUPPORTS,
+    TILT_STRETCH,
     Window,
     aliasing_error,
+    choose_window,
+    grid_of,
     largest_modes,
+    matched_shape,
+    smooth_sizes,
+    wave_cost,
 )
 
 FINEST, COARSEST = 1e-10, 1e-2
@@ -33,13 +40,9 @@ SMALL_CELL = 8  # spheres below which the truncation error scatters so much abou
 SMALLEST_PRODUCT = 2.0  # least kmax r_c for which the error's prediction holds
 OPTIMAL_GAIN = 0.85  # c of the optimal split over that of the prolate one at equal error
 LOWEST_REACH = 1.1  # least kmax L/2pi: without any mode in the wave part the prediction means nothing
-FEWEST_POINTS = 1.0  # of a window, per digit of the grid's error
-SHAPE_SHARE = 1.2  # of pi P (1 - n_max/M), the window's shape for modes up to n_max
 
 # Seconds on one core of an AMD EPYC (Zen 5), from `python benchmarks/bench_mobility.py --calibrate`
 PER_PAIR, PER_SPHERE = 1.6e-8, 7e-8  # real part: product and a tenth of the assembly
-PER_ROW, PER_STRIP = 6.0e-9, 3.6e-9  # window rows of a sphere, spread and gathered: P^2 (PER_ROW + strips PER_STRIP)
-PER_POINT = 1.8e-8  # grid point: both transforms and the scaling of modes
 
 
 @dataclass(frozen=True)
@@ -63,29 +66,17 @@ class EwaldParameters:
         return math.hypot(self.truncation, self.aliasing)
 
 
-def strips(support: int) -> int:
-    """Vectors of a window's row: of four lanes up to 4 points and from 9 to 12, of eight otherwise."""
-    return -(-support // (4 if support <= 4 or 8 < support <= 12 else 8))
-
-
-def predicted_seconds(number: int, edge: float, cutoff: float, grid, support: int) -> float:
-    """Time of one product on one core of the machine the constants were measured on."""
+def real_cost(number: int, edge: float, cutoff: float) -> float:
+    """Time (s) of the real part of one product on one core of the machine the constants were measured on."""
     pairs = number * (number / edge**3) * (2.0 / 3.0) * math.pi * cutoff**3
-    rows = support**2 * (PER_ROW + PER_STRIP * strips(support))
-    return PER_PAIR * pairs + (PER_SPHERE + rows) * number + PER_POINT * math.prod(grid)
+    return PER_PAIR * pairs + PER_SPHERE * number
 
 
-def good_size(least: int) -> int:
-    """Smallest even number >= least without a prime factor above 7: fast transforms."""
-    size = max(2, least + least % 2)
-    while True:
-        rest = size
-        for prime in (2, 3, 5, 7):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
-            return size
-        size += 2
+def predicted_seconds(number: int, edge: float, split: Split, grid, support: int) -> float:
+    """Time (s) of one product on one core: the real part and `suspend.hydro.ewald.windows.wave_cost`."""
+    return real_cost(number, edge, split.cutoff) + wave_cost(
+        number, grid, largest_modes(split.kmax, edge), support
+    )
 
 
 def _norm_factor(number: int, edge: float) -> float:
@@ -133,73 +124,23 @@ def _split_of(
     return split, target * math.exp(excess)
 
 
-def _window_for(kind: str, support: int, share: float, kmax: float, edge: float, size: int) -> Window:
-    reach = min(kmax * edge / (2.0 * math.pi) / size, 0.45)
-    return Window(kind, support, share * math.pi * support * (1.0 - reach))
+def _given_window(split, number, edge, kind, grid, support, target) -> tuple[tuple[int, int, int], Window]:
+    """Grid and window where the grid, the support or both are given by hand: the least of the rest that will do.
 
-
-def _sizes(split: Split, edge: float, support: int) -> list[int]:
-    """Grid sizes from the least possible one to a generous one."""
-    least = good_size(max(2 * max(largest_modes(split.kmax, edge)) + 1, support))
-    sizes = [least]
-    while sizes[-1] < 1.5 * least + 20:
-        sizes.append(good_size(sizes[-1] + 1))
-    return sizes
-
-
-def _smallest_grid(split, number, edge, kind, support, target):
-    """(size, window, error) of the smallest cubic grid with an aliasing error below `target`; None if none has."""
-
-    def trial(size):
-        window = _window_for(kind, support, SHAPE_SHARE, split.kmax, edge, size)
-        return window, aliasing_error(split, edge, number, (size,) * 3, window)
-
-    sizes = _sizes(split, edge, support)
-    low, high = 0, len(sizes) - 1
-    window, error = trial(sizes[high])
-    if error > target:
-        return None
-    while low < high:
-        middle = (low + high) // 2
-        between, between_error = trial(sizes[middle])
-        if between_error <= target:
-            high, window, error = middle, between, between_error
-        else:
-            low = middle + 1
-    return sizes[high], window, error
-
-
-def _choose_grid(split, number, edge, kind, supports, target):
-    """(grid, window, error): the cheapest over the supports; ConfigurationError if none is good enough."""
-    supports = [p for p in supports if p >= FEWEST_POINTS * -math.log10(target)] or supports[-1:]
-    best, least = None, math.inf
-    for support in supports:
-        found = _smallest_grid(split, number, edge, kind, support, target)
-        if found is None:
-            continue
-        seconds = predicted_seconds(number, edge, split.cutoff, (found[0],) * 3, support)
-        if seconds >= least:
-            break  # larger supports cost more and save no more points
-        best, least = found, seconds
-    if best is None:
-        raise ConfigurationError(
-            f"far_field window: no grid brings the aliasing error of a {kind} window of {list(supports)} points "
-            f"below {target:.3g}; a larger support is needed"
-        )
-    return (best[0],) * 3, best[1], best[2]
-
-
-def _windows_for_grid(split, number, edge, kind, supports, grid, target):
-    """(grid, window, error) for a grid given by hand: the smallest support that is good enough, or the best."""
-    best = None
-    for support in supports:
-        window = _window_for(kind, support, SHAPE_SHARE, split.kmax, edge, min(grid))
-        error = aliasing_error(split, edge, number, grid, window)
-        if best is None or error < best[2]:
-            best = grid, window, error
-        if error <= target:
+    The last one tried if none will.
+    """
+    largest, reach = largest_modes(split.kmax, edge), split.kmax * edge / math.pi
+    supports = range(3, LARGEST_SUPPORT + 1) if support is None else [support]
+    if grid is None:
+        least = max(2 * largest[0] + 1, support)
+        grids = [grid_of(m, largest, support) for m in smooth_sizes(least, 2 * least + 20, True)]
+    else:
+        grids = [tuple(grid)]
+    for points, size in itertools.product(grids, supports):
+        window = Window(kind, size, matched_shape(kind, size, max(1.0, points[0] / reach)))
+        if aliasing_error(split, edge, number, points, window) <= target:
             break
-    return best
+    return points, window
 
 
 def _cutoffs(number: int, edge: float) -> list[float]:
@@ -229,8 +170,10 @@ def _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target) -> tuple[fl
         c, reach = split.kmax * cutoff, gain * split.kmax * edge / (2.0 * math.pi)
         if reach < LOWEST_REACH or error < 0.5 * target:
             continue
-        size = max(support, good_size(math.ceil(2.5 * reach)))
-        seconds = predicted_seconds(number, edge, cutoff, (size,) * 3, support)
+        largest = (int(reach), int(TILT_STRETCH * reach), int(reach))
+        size = smooth_sizes(max(support, math.ceil(2.5 * reach)), 10 + support + math.ceil(4.0 * reach), True)[0]
+        seconds = real_cost(number, edge, cutoff)
+        seconds += wave_cost(number, grid_of(size, largest, support), largest, support)
         if seconds < least:
             best, least = (cutoff, gain * c), seconds
         if seconds > 1.5 * least or number <= FEW:
@@ -279,15 +222,16 @@ def choose_parameters(
     best, c = _cheapest_cutoff(split, cutoffs, number, edge, tolerance, target)
     fraction = number * 4.0 * math.pi / 3.0 / edge**3
     chosen, truncation = _split_of(split, best, fraction, target, c, 0.05)
-    supports, target = SUPPORTS if support is None else [support], GRID_SHARE * tolerance * min(1.0, factor)
-    if grid is None:
-        grid, window, aliasing = _choose_grid(chosen, number, edge, window, supports, target)
+    target = GRID_SHARE * tolerance * min(1.0, factor)
+    if grid is None and support is None:
+        points, shape = choose_window(chosen, edge, target, number, window)
     else:
-        grid, window, aliasing = _windows_for_grid(chosen, number, edge, window, supports, tuple(grid), target)
+        points, shape = _given_window(chosen, number, edge, window, grid, support, target)
+    aliasing = aliasing_error(chosen, edge, number, points, shape)
     if aliasing > tolerance:
         raise ConfigurationError(
-            f"far_field grid: {grid} points and a {window.kind} window of {window.support} points have an error of "
+            f"far_field grid: {points} points and a {window} window of {shape.support} points have an error of "
             f"{aliasing:.3g}, more than the tolerance {tolerance:g}; give more points or leave them out"
         )
-    seconds = predicted_seconds(number, edge, chosen.cutoff, grid, window.support)
-    return EwaldParameters(chosen, grid, window, truncation / factor, aliasing, seconds)
+    seconds = predicted_seconds(number, edge, chosen, points, shape.support)
+    return EwaldParameters(chosen, points, shape, truncation / factor, aliasing, seconds)
