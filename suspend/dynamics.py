@@ -1,8 +1,9 @@
 """Velocities of all spheres as a function of positions and flow: one evaluation from top to bottom.
 
 neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity
-solve (near field alone, or coupled with the far field). Only what the scene needs is built: without lubrication no table is loaded and no solve is made,
-without any pair interaction there is no neighbour list. Internal units of `suspend.conventions`.
+solve (near field alone, or coupled with the far field). Only what the scene needs is built: without
+lubrication no table is loaded, without far field and lubrication no solve is made, without any pair
+interaction there is no neighbour list. Internal units of `suspend.conventions`.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from suspend.errors import NumericalError
 from suspend.forces import PairForce, interaction_range, pair_forces, stress_per_sphere
 from suspend.hydro.neighbours import VerletList
 
-HISTORY = 3  # earlier velocities from which the solve's start is extrapolated
+HISTORY = 3  # earlier velocities from which the near-field solve's start is extrapolated
+FAR_HISTORY = 2  # the same for the coupled solve (benchmarks/bench_coupled.py)
 VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
 
 
@@ -77,6 +79,7 @@ class History:
 
     times: list = field(default_factory=list)
     values: list = field(default_factory=list)
+    length: int = HISTORY
 
     def push(self, time: float, value: np.ndarray) -> None:
         """Remember `value` at `time`; a value at the same time is replaced."""
@@ -86,7 +89,7 @@ class History:
             self.values.pop(k)
         self.times.append(time)
         self.values.append(value)
-        if len(self.times) > HISTORY:
+        if len(self.times) > self.length:
             self.times.pop(0)
             self.values.pop(0)
 
@@ -103,7 +106,7 @@ class History:
 
     def copy(self) -> History:
         """A copy that later pushes do not change."""
-        return History(self.times.copy(), self.values.copy())
+        return History(self.times.copy(), self.values.copy(), self.length)
 
 
 class Suspension:
@@ -116,7 +119,7 @@ class Suspension:
             self.strain_rate[0, 1] = self.strain_rate[1, 0] = 0.5
         self.force_range = interaction_range(scene.force)
         near_range = scene.table.cutoff if scene.table is not None else 0.0
-        far_range = scene.ewald.split.cutoff if scene.ewald is not None else 0.0
+        far_range = scene.ewald.cutoff if scene.ewald is not None else 0.0
         cutoff = max(self.force_range, near_range, far_range)
         self.list = VerletList(scene.edge, cutoff, settings.skin) if cutoff > 0.0 else None
         self.near = self.far = None
@@ -131,7 +134,8 @@ class Suspension:
                 scene.edge, number, scene.ewald, self.near, settings.far_tolerance, settings.max_iterations, threads
             )
         self.counters = Counters()
-        self.history, self.flow_history = History(), History()
+        length = HISTORY if self.far is None else FAR_HISTORY
+        self.history, self.flow_history = History(length=length), History(length=length)
         self.baseline = 0  # iterations of the solve after the last factorisation
         self.factor_point = None  # positions and tilt of the last factorisation
 
@@ -207,12 +211,12 @@ class Suspension:
         return solution.velocity
 
     def _coupled(self, load, strain_rate, history: History, time: float):
-        start = history.extrapolate(time, (self.number, 11)) if history.times else None
+        start = history.extrapolate(time, history.values[0].shape) if history.times else None
         try:
             solution = self.far.solve(load, strain_rate, VELOCITY_FLOOR, start)
         except NumericalError as error:
             raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
-        history.push(time, np.hstack([solution.velocity, solution.stresslet]))
+        history.push(time, solution.guess)
         self.counters.iterations += solution.iterations
         self.counters.products += solution.products
         return solution

@@ -5,6 +5,8 @@ Imported only where `far_field: ewald` asks for it; nothing else imports `suspen
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG
@@ -13,6 +15,10 @@ from suspend.hydro.ewald.parameters import EwaldParameters, choose_parameters
 from suspend.hydro.two_sphere_matrices import FIVE
 from suspend.solvers.coupled import CoupledSolution, CoupledSolver
 
+SPHERE_VOLUME = 4.0 * np.pi / 3.0
+# An inner iteration with a mobility of 1 % error halves the time of a solve at 1e-6, changes nothing at 1e-3, and
+# above phi = 0.45 keeps the accurate products few (benchmarks/bench_coupled.py)
+COARSE, NESTED_BELOW, CROWDED = 1e-2, 2e-4, 0.45
 _FIVE_TO_SIX = np.array([[basis[a, b] for a, b in COMPONENT_INDEX] for basis in FIVE])
 
 
@@ -41,11 +47,30 @@ def six_of(five: np.ndarray) -> np.ndarray:
     return five @ _FIVE_TO_SIX
 
 
-def make_parameters(section, tolerance: float, number: int, edge: float) -> EwaldParameters:
-    """Parameters of the Ewald sum from a tolerance; `section` (`suspend.config.Config.ewald`) may fix some."""
+@dataclass(frozen=True)
+class FarFieldParameters:
+    """The Ewald sum of a scene, and a cheaper one for the inner iteration of its solves (None: not worth it)."""
+
+    accurate: EwaldParameters
+    coarse: EwaldParameters | None
+
+    @property
+    def cutoff(self) -> float:
+        """Centre distance (radii) that a neighbour list has to reach."""
+        return max(part.split.cutoff for part in (self.accurate, self.coarse) if part is not None)
+
+
+def make_parameters(section, tolerance: float, number: int, edge: float) -> FarFieldParameters:
+    """Parameters from the tolerance of a mobility product.
+
+    section : `suspend.config.Config.ewald`, whose keys may fix some of the accurate sum.
+    """
     names = ("split", "cutoff", "grid", "window", "support")
     fixed = {name: getattr(section, name) for name in names if getattr(section, name, None) is not None}
-    return choose_parameters(tolerance, number, edge, **fixed)
+    accurate = choose_parameters(tolerance, number, edge, **fixed)
+    crowded = number * SPHERE_VOLUME / edge**3 > CROWDED
+    nested = tolerance <= NESTED_BELOW or (crowded and tolerance < COARSE)
+    return FarFieldParameters(accurate, choose_parameters(COARSE, number, edge) if nested else None)
 
 
 class FarField:
@@ -54,20 +79,23 @@ class FarField:
     Parameters
     ----------
     edge, number : cell edge (radii) and number of spheres
-    parameters : `suspend.hydro.ewald.parameters.EwaldParameters`
+    parameters : from `make_parameters`
     near : `NearField` with the drags of `screened_drags`, or None without lubrication
     tolerance : of the coupled solve; limit : iterations; threads
     """
 
     def __init__(self, edge: float, number: int, parameters, near, tolerance: float, limit: int, threads: int):
-        self.mobility = Mobility(edge, number, parameters, threads)
-        phi = number * 4.0 * np.pi / 3.0 / edge**3
-        self.solver = CoupledSolver(self.mobility, near, stresslet_scale(phi), limit)
+        self.mobility = Mobility(edge, number, parameters.accurate, threads)
+        self.coarse = Mobility(edge, number, parameters.coarse, threads) if parameters.coarse is not None else None
+        phi = number * SPHERE_VOLUME / edge**3
+        self.solver = CoupledSolver(self.mobility, near, stresslet_scale(phi), limit, self.coarse)
         self.tolerance = tolerance
 
     def place(self, position: np.ndarray, tilt: float, pairs: np.ndarray, offset: np.ndarray) -> None:
-        """Take the positions of an evaluation, with a neighbour list that reaches `mobility.cutoff`."""
+        """Take the positions of an evaluation, with a neighbour list that reaches the parameters' cutoff."""
         self.mobility.place(position, tilt, pairs, offset)
+        if self.coarse is not None:
+            self.coarse.place(position, tilt, pairs, offset)
 
     def solve(self, load, strain_rate, floor: float, start) -> CoupledSolution:
         """Velocities and stresslets for loads (N, 6) = external + R_FE : E and the flow's strain rate (3, 3)."""

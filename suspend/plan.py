@@ -73,7 +73,7 @@ def _ewald(config, edge: float):
         return None
     from suspend.farfield import make_parameters
 
-    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
+    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge).accurate
 
 
 def _far_field_text(config, ewald) -> str:

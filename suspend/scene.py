@@ -11,7 +11,6 @@ from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import Scene, SolverSettings, Suspension
 from suspend.forces import pair_force
 
-SPHERE_VOLUME = 4.0 * np.pi / 3.0  # of radius 1
 THREADED_FROM = 2000  # spheres from which a second thread pays (benchmarks/bench_evaluation.py)
 
 
@@ -55,7 +54,7 @@ def make_scene(config, edge: float | None = None) -> Scene:
     edge = edge or edge_length(config.particles.number, config.particles.volume_fraction)
     drags, ewald = (1.0, 1.0 if identity else ROTATIONAL_DRAG), None
     if config.far_field == "ewald":
-        from suspend.farfield import make_parameters, screened_drags
+        from suspend.farfield import SPHERE_VOLUME, make_parameters, screened_drags
 
         ewald = make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
         drags = screened_drags(config.particles.number * SPHERE_VOLUME / edge**3)

@@ -201,8 +201,8 @@ class Simulation:
         self.state, self.events = State(**content["motion"]), []
         motion.controller.previous = content["controller"]
         motion.evaluations_before = content["evaluations_before"]
-        suspension.history = _load_history(content["history"])
-        suspension.flow_history = _load_history(content["flow_history"])
+        _load_history(suspension.history, content["history"])
+        _load_history(suspension.flow_history, content["flow_history"])
         if partial is None:
             return
         if content["list"] is not None:
@@ -233,8 +233,8 @@ def _dump_history(history: History) -> dict:
     return {"times": list(history.times), "values": np.array(history.values)}
 
 
-def _load_history(content: dict) -> History:
-    return History([float(t) for t in content["times"]], list(content["values"]))
+def _load_history(history: History, content: dict) -> None:
+    history.times, history.values = [float(t) for t in content["times"]], list(content["values"])
 
 
 class _Stop:
