@@ -42,7 +42,7 @@ OPTIMAL_GAIN = 0.85  # c of the optimal split over that of the prolate one at eq
 LOWEST_REACH = 1.1  # least kmax L/2pi: without any mode in the wave part the prediction means nothing
 
 # Seconds on one core of an AMD EPYC (Zen 5), from `python benchmarks/bench_mobility.py --calibrate`
-PER_PAIR, PER_SPHERE = 1.6e-8, 7e-8  # real part: product and a tenth of the assembly
+PER_PAIR, PER_SPHERE = 1.9e-8, 7e-8  # real part: product and a tenth of the assembly
 
 
 @dataclass(frozen=True)
