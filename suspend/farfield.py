@@ -34,7 +34,7 @@ def screened_drags(volume_fraction: float) -> tuple[float, float]:
 
 def stresslet_scale(volume_fraction: float) -> float:
     """Eigenvalue of M_ES taken by the preconditioner: 0.9 of a lone sphere, smaller in a crowd."""
-    return 0.9 - 0.8 * min(volume_fraction, 0.5)
+    return max(0.9 - volume_fraction, 0.5)
 
 
 def five_of(tensor: np.ndarray) -> np.ndarray:
