@@ -4,7 +4,8 @@
 
 Runs gamma0 = 0.8 with far field to total strain 6.4 (`--strain`, whole cycles), then measures 40 evaluations of the
 run as it goes on (warm: started from the extrapolation of earlier ones) and repeats each with an empty history
-(cold), N = 500, seed 1. `accurate` products are with the mobility of the tolerance asked, `coarse` with that of the inner iteration.
+(cold), N = 500, seed 1. `accurate` products are with the mobility of the tolerance asked, `coarse` with that of the
+inner iteration.
 The parts are the medians of one evaluation: list excluded, `place` prepares the mobility, `solve` is all products.
 """
 

@@ -43,13 +43,17 @@ def scene(number: int, phi: float) -> tuple[np.ndarray, float]:
     return position, edge
 
 
-def array_bytes(holder) -> int:
-    """Bytes of the arrays an object holds, directly or in tuples and its own objects."""
+def array_bytes(holder, seen: set) -> int:
+    """Bytes of the arrays an object holds, directly or in tuples and its own objects, each buffer once."""
     if isinstance(holder, np.ndarray):
-        return holder.nbytes if holder.base is None or not isinstance(holder.base, np.ndarray) else 0
+        while isinstance(holder.base, np.ndarray):
+            holder = holder.base
+        known = id(holder) in seen
+        seen.add(id(holder))
+        return 0 if known else holder.nbytes
     if isinstance(holder, (tuple, list)):
-        return sum(array_bytes(item) for item in holder)
-    return sum(array_bytes(v) for v in vars(holder).values()) if hasattr(holder, "__dict__") else 0
+        return sum(array_bytes(item, seen) for item in holder)
+    return sum(array_bytes(v, seen) for v in vars(holder).values()) if hasattr(holder, "__dict__") else 0
 
 
 def measure(number: int, phi: float, tolerance: float, threads: int) -> None:
@@ -66,7 +70,7 @@ def measure(number: int, phi: float, tolerance: float, threads: int) -> None:
     wave = median_ms(lambda: mobility.wave.add(loads, result), repeats)
     transforms = mobility.wave.transforms
     fft = median_ms(transforms.to_modes, repeats) + median_ms(transforms.to_grid, repeats)
-    held = array_bytes(mobility.real) + array_bytes(mobility.wave) + pairs.nbytes + offset.nbytes
+    held = array_bytes((mobility.real, mobility.wave, pairs, offset), set())
     print(
         f"N {number}, phi {phi:g}, tolerance {tolerance:g}, threads {threads}: total {total:.3f} ms (predicted "
         f"{1e3 * parameters.seconds:.3f}), real {real:.3f}, wave {wave:.3f}, of it fft {fft:.3f}; total/fft "

@@ -23,16 +23,17 @@ from suspend.core.ewald_functions import wave_weight
 from suspend.core.jit import kernel, scalar
 from suspend.core.lanes import load, multiply_add, scaled, store, total
 
+BLOCK = 8  # grid points a side: what the windows of a block's spheres reach stays in the cache
 _R2, _R6 = math.sqrt(0.5), math.sqrt(1.0 / 6.0)
 
 
 class Stencil(NamedTuple):
-    """Windows of all spheres at the present positions, in the order of the grid (by axis 3, then axis 2)."""
+    """Windows of all spheres at the present positions, in the order of blocks of the grid (`block_of`)."""
 
     sphere: np.ndarray  # (N,) which sphere
     base: np.ndarray  # (N, 3) first grid point along each axis
     weight: np.ndarray  # (N, 3, 3, padded support): axis, derivative with respect to x_j, point
-    first: np.ndarray  # (M3 M2 + 1,) first of the spheres with base (i3, i2) at i3 M2 + i2
+    first: np.ndarray  # first of the spheres of each block of base points (`block_of`)
 
 
 @kernel
@@ -49,20 +50,35 @@ def locate_rows(first, last, position, edge, tilt, shape, support, base, fractio
             base[i, d] = int(g) % m
 
 
+@scalar
+def blocks(shape):
+    """Number of blocks in a layer (along axes 1 and 2) and number of layers (along axis 3)."""
+    one, two, three = shape
+    return (one + BLOCK - 1) // BLOCK * ((two + BLOCK - 1) // BLOCK), (three + BLOCK - 1) // BLOCK
+
+
+@scalar
+def block_of(base, i, shape):
+    """Block of sphere i: axis 3, then 2, then 1."""
+    across = (shape[1] + BLOCK - 1) // BLOCK
+    along = (shape[0] + BLOCK - 1) // BLOCK
+    return (base[i, 2] // BLOCK * across + base[i, 1] // BLOCK) * along + base[i, 0] // BLOCK
+
+
 @kernel
-def sort_by_row(base, shape, first, order):
-    """Order of the spheres by grid row (counting sort, stable); `first` as in `Stencil`."""
-    rows = shape[2] * shape[1]
+def sort_by_block(base, shape, first, order):
+    """Order of the spheres by block (counting sort, stable); `first` as in `Stencil`."""
+    layer, layers = blocks(shape)
     first[:] = 0
     for i in range(base.shape[0]):
-        first[base[i, 2] * shape[1] + base[i, 1] + 1] += 1
-    for r in range(rows):
+        first[block_of(base, i, shape) + 1] += 1
+    for r in range(layer * layers):
         first[r + 1] += first[r]
     for i in range(base.shape[0]):
-        r = base[i, 2] * shape[1] + base[i, 1]
+        r = block_of(base, i, shape)
         order[first[r]] = i
         first[r] += 1
-    for r in range(rows, 0, -1):
+    for r in range(layer * layers, 0, -1):
         first[r] = first[r - 1]
     first[0] = 0
 
@@ -159,14 +175,16 @@ def spread_sphere(i, planes, stencil, loads, tilt, grid, support, lanes):
 
 
 @kernel
-def spread_planes(planes, stencil, loads, tilt, grid, support, lanes):
+def spread_planes(planes, stencil, loads, tilt, grid, length, support, lanes):
     """All spheres' loads on planes[0]:planes[1] of the grid, always in the order of the stencil."""
-    m3, m2 = grid.shape[0], grid.shape[1]
+    m3 = grid.shape[0]
+    layer, layers = blocks((length, grid.shape[1], m3))
     grid[planes[0] : planes[1]] = 0.0
-    for b in range(m3):
-        if (planes[0] - b) % m3 >= support and not planes[0] <= b < planes[1]:
-            continue
-        for i in range(stencil.first[b * m2], stencil.first[(b + 1) * m2]):
+    for b in range(layers):
+        low = b * BLOCK
+        if (planes[0] - low) % m3 >= BLOCK - 1 + support and not planes[0] <= low < planes[1]:
+            continue  # no window of the block reaches the planes
+        for i in range(stencil.first[b * layer], stencil.first[(b + 1) * layer]):
             spread_sphere(i, planes, stencil, loads, tilt, grid, support, lanes)
 
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
-from suspend.conventions import COMPONENT_INDEX
-from suspend.oneshot.hydrodynamics import Hydrodynamics, to_five, to_tensor
+from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
+from suspend.hydro.neighbours import find_pairs
+from suspend.hydro.two_sphere_matrices import FIVE
 from suspend.oneshot.scene import Method, PeriodicScene
+
+CLOSE_GAP = 0.2  # radii: pairs below it enter the incomplete factorisation, as in runs
 
 
 class ConfigurationSolver:
@@ -17,41 +22,78 @@ class ConfigurationSolver:
     """
 
     def __init__(self, scene: PeriodicScene, method: Method):
+        method.check(scene)
         self.scene, self.method = scene, method
-        self.hydro = Hydrodynamics(scene, method)
-        self.coupled = None
-        if self.hydro.mobility is not None:
-            from suspend.farfield import stresslet_scale
-            from suspend.solvers.coupled import CoupledSolver
-
-            scale = stresslet_scale(scene.volume_fraction)
-            self.coupled = CoupledSolver(self.hydro.mobility, self.hydro.near, scale, method.max_iterations)
+        identity = method.far_field == "identity"
+        self.drags = (1.0, 1.0 if identity else ROTATIONAL_DRAG)
+        self.self_stresslet = 2.0 if identity else SELF_STRESSLET
         self.solves = self.iterations = 0
+        far = method.far_field == "ewald"
+        self.near = self._near_field(far) if method.lubrication.enabled else None
+        self.far = self._far_field() if far else None
 
     def __call__(self, load: np.ndarray, strain_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocities (N, 6) relative to the flow and mean stresslet (3, 3) a sphere."""
         self.solves += 1
-        load = load + self.hydro.strain_loads(strain_rate)
-        solve = self._with_far_field if self.coupled is not None else self._alone
+        if self.near is not None:
+            load = load + self.near.strain_loads(strain_rate)
+        solve = self._with_far_field if self.far is not None else self._alone
         velocity, mean = solve(load, strain_rate)
-        if self.hydro.near is not None:
-            near = self.hydro.near.stresslet(velocity, strain_rate) / self.scene.number
+        if self.near is not None:
+            near = self.near.stresslet(velocity, strain_rate) / self.scene.number
             for c, (a, b) in enumerate(COMPONENT_INDEX):
                 mean[a, b] += near[c]
                 mean[b, a] = mean[a, b]
         return velocity, mean
 
+    def _near_field(self, far: bool):
+        from suspend.hydro.nearfield import NearField, pair_table
+
+        law, scene = self.method.lubrication, self.scene
+        drags = self.drags
+        if far:  # those of the preconditioner
+            from suspend.farfield import screened_drags
+
+            drags = screened_drags(scene.volume_fraction)
+        table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
+        near = NearField(table, drags, self.method.threads)
+        position, tilt = scene.wrapped(), scene.reduced_tilt
+        near.use_list(*find_pairs(position, scene.edge, tilt, law.cutoff))
+        near.assemble(position, scene.edge, tilt)
+        near.precondition(CLOSE_GAP)
+        return near
+
+    def _far_field(self):
+        from suspend.farfield import FarField
+
+        scene, method = self.scene, self.method
+        parameters = _parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
+        far = FarField(
+            scene.edge, scene.number, parameters, self.near, method.far_target, method.max_iterations, method.threads
+        )
+        position, tilt = scene.wrapped(), scene.reduced_tilt
+        far.place(position, tilt, *find_pairs(position, scene.edge, tilt, parameters.cutoff))
+        return far
+
     def _with_far_field(self, load: np.ndarray, strain_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found = self.coupled.solve(load, to_five(strain_rate), self.method.far_target)
+        found = self.far.solve(load, strain_rate, 0.0, None)
         self.iterations += found.iterations
-        return found.velocity, to_tensor(-found.stresslet.mean(axis=0))
+        return found.velocity, -np.einsum("a,aij->ij", found.stresslet.mean(axis=0), FIVE)
 
     def _alone(self, load: np.ndarray, strain_rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Every sphere's own drag and stresslet, and the near field."""
-        hydro, mean = self.hydro, self.hydro.self_stresslet * strain_rate
-        if hydro.near is None:
-            return load / np.repeat(hydro.drags, 3), mean
+        mean = self.self_stresslet * strain_rate
+        if self.near is None:
+            return load / np.repeat(self.drags, 3), mean
         method = self.method
-        found = hydro.near.solve(load, np.zeros_like(load), method.near_target, 0.0, method.max_iterations)
+        found = self.near.solve(load, np.zeros_like(load), method.near_target, 0.0, method.max_iterations)
         self.iterations += found.iterations
         return found.velocity, mean
+
+
+@functools.lru_cache(maxsize=4)
+def _parameters(ewald, tolerance: float, number: int, edge: float):
+    """Parameters of the Ewald sum, kept for the next configuration of an ensemble."""
+    from suspend.farfield import make_parameters
+
+    return make_parameters(ewald, tolerance, number, edge)

@@ -13,6 +13,7 @@ only for n1 <= n1max, along axis 3 only for |n2| <= n2max as well.
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numba
@@ -22,12 +23,13 @@ import pyfftw
 from suspend.core.grid import (
     Stencil,
     apply_modes,
+    blocks,
     close_rows,
     gather_rows,
     locate_rows,
     open_rows,
     scale_modes,
-    sort_by_row,
+    sort_by_block,
     spread_planes,
     weight_rows,
 )
@@ -56,7 +58,7 @@ def _weigh(cuts, base, fraction, scale, polynomials, stencil, lanes):
 def _spread(slabs, stencil, loads, tilt, grid, length, support, lanes):
     for t in numba.prange(slabs.shape[0] - 1):
         planes = (slabs[t], slabs[t + 1])
-        spread_planes(planes, stencil, loads, tilt, grid, support, lanes)
+        spread_planes(planes, stencil, loads, tilt, grid, length, support, lanes)
         close_rows(planes, grid, length, support)
 
 
@@ -204,7 +206,7 @@ class WavePart:
         base, fraction = self._base, self._fraction
         support = self.window.support
         _locate(self._cuts, position, self.edge, tilt, self.shape, support, base, fraction)
-        sort_by_row(base, self.shape, self.stencil.first, self.stencil.sphere)
+        sort_by_block(base, self.shape, self.stencil.first, self.stencil.sphere)
         scale = tuple(m / self.edge for m in self.shape)
         _weigh(self._cuts, base, fraction, scale, self._polynomials, self.stencil, self.lanes)
 
@@ -215,7 +217,7 @@ class WavePart:
             np.empty(number, np.int64),
             np.empty((number, 3), np.int64),
             np.empty((number, 3, 3, self._polynomials.shape[2])),
-            np.zeros(self.shape[2] * self.shape[1] + 1, np.int64),
+            np.zeros(math.prod(blocks(self.shape)) + 1, np.int64),
         )
 
     def add(self, loads: np.ndarray, result: np.ndarray) -> None:
