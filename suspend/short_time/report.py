@@ -50,14 +50,13 @@ def lines(result: ShortTimeProperties, source: str) -> list[str]:
 
 def _structure(result: ShortTimeProperties) -> list[str]:
     s = result.structure
-    contact = "too few close pairs for g(2a)"
+    contact = "too few close pairs"
     if not math.isnan(s.contact_value):
-        contact = f"g(2a) {s.contact_value:.3f} +- {s.contact_error:.3f}"
-    waves = f"S of the longest waves {s.long_waves:.3f}"
-    waves += f" +- {s.long_waves_error:.3f}" if s.long_waves_error is not None else ""
+        contact = f"{s.contact_value:.3f} +- {s.contact_error:.3f}"
+    waves = f"{s.long_waves:.3f}" + (f" +- {s.long_waves_error:.3f}" if s.long_waves_error is not None else "")
     return [
-        f"{contact} and {waves} (equilibrium fluid: {s.equilibrium_contact_value:.3f} and"
-        f" {result.structure_factor:.3f}),",
+        f"g(2a) {contact} (fluid at equilibrium: {s.equilibrium_contact_value:.3f})",
+        f"S of the longest waves {waves} (fluid at equilibrium: {result.structure_factor:.3f})",
         f"global Q6 {s.global_q6:.3f}, crystalline spheres {100.0 * s.crystal_fraction:.1f} %",
     ]
 

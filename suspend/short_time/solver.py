@@ -10,6 +10,7 @@ from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.hydro.neighbours import find_pairs
 from suspend.hydro.two_sphere_matrices import FIVE
 from suspend.oneshot.scene import Method, PeriodicScene
+from suspend.scene import threads_used
 
 CLOSE_GAP = 0.2  # radii: pairs below it enter the incomplete factorisation, as in runs
 
@@ -24,6 +25,7 @@ class ConfigurationSolver:
     def __init__(self, scene: PeriodicScene, method: Method):
         method.check(scene)
         self.scene, self.method = scene, method
+        self.threads = threads_used(scene.number, method.threads)
         identity = method.far_field == "identity"
         self.drags = (1.0, 1.0 if identity else ROTATIONAL_DRAG)
         self.self_stresslet = 2.0 if identity else SELF_STRESSLET
@@ -56,7 +58,7 @@ class ConfigurationSolver:
 
             drags = screened_drags(scene.volume_fraction)
         table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
-        near = NearField(table, drags, self.method.threads)
+        near = NearField(table, drags, self.threads)
         position, tilt = scene.wrapped(), scene.reduced_tilt
         near.use_list(*find_pairs(position, scene.edge, tilt, law.cutoff))
         near.assemble(position, scene.edge, tilt)
@@ -69,7 +71,7 @@ class ConfigurationSolver:
         scene, method = self.scene, self.method
         parameters = _parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
         far = FarField(
-            scene.edge, scene.number, parameters, self.near, method.far_target, method.max_iterations, method.threads
+            scene.edge, scene.number, parameters, self.near, method.far_target, method.max_iterations, self.threads
         )
         position, tilt = scene.wrapped(), scene.reduced_tilt
         far.place(position, tilt, *find_pairs(position, scene.edge, tilt, parameters.cutoff))
