@@ -54,6 +54,7 @@ class SolverSettings:
     max_iterations: int = 2000
     close_gap: float = 0.2  # pairs below it enter the incomplete factorisation
     growth: float = 1.3  # refactorise when the iterations have grown by this factor
+    factor_life: int = 4  # evaluations with far field after which it is made anew
     skin: float = 0.6
 
 
@@ -138,6 +139,7 @@ class Suspension:
         self.history, self.flow_history = History(length=length), History(length=length)
         self.baseline = 0  # iterations of the solve after the last factorisation
         self.factor_point = None  # positions and tilt of the last factorisation
+        self.factor_age = 0  # evaluations with far field since then
 
     def renew(self, position: np.ndarray, strain: float, tilt: float) -> None:
         """Build the neighbour list from these positions; the preconditioner goes with it."""
@@ -204,7 +206,10 @@ class Suspension:
 
     def _solve_coupled(self, load, rate: float, position, tilt: float, time: float) -> np.ndarray:
         if self.near is not None:
-            self.factor(position, tilt)  # a small part of the cost here
+            if self.factor_point is None or self.factor_age >= self.settings.factor_life:
+                self.factor(position, tilt)
+                self.factor_age = 0
+            self.factor_age += 1
         self.far.place(position, tilt, self.list.pairs, self.list.offset)
         solution = self._coupled(load, rate * self.strain_rate, self.history, time)
         self.far_stresslet = solution.stresslet

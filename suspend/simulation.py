@@ -192,6 +192,7 @@ class Simulation:
             "start_position": self.start_position,
             "list": None if verlet is None else _list_point(verlet),
             "factor": _factor_point(suspension.factor_point),
+            "factor_age": suspension.factor_age,
         }
         return content, self.recorder.partial()
 
@@ -212,6 +213,7 @@ class Simulation:
             position, tilt = content["factor"]["position"], content["factor"]["tilt"]
             suspension.near.assemble(position, suspension.scene.edge, tilt)
             suspension.factor(position, tilt)
+            suspension.factor_age = content["factor_age"]
         motion.position_error = content["position_error"]
         suspension.counters = Counters(**content["counters"])
         suspension.baseline, self.start_position = content["baseline"], content["start_position"]
