@@ -265,7 +265,7 @@ class Suspension:
         """Stresslet of every sphere (N, 6), Brady's sign, less the near field."""
         if self.far is None:
             return np.tile(self.scene.self_stresslet * rate * self._unit_strain_rate(), (self.number, 1))
-        from suspend.farfield import six_of
+        from suspend.hydro.two_sphere_matrices import six_of
 
         return -six_of(far)
 

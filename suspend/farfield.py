@@ -9,17 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG
+from suspend.conventions import ROTATIONAL_DRAG
 from suspend.hydro.ewald.mobility import Mobility
 from suspend.hydro.ewald.parameters import EwaldParameters, choose_parameters
-from suspend.hydro.two_sphere_matrices import FIVE
+from suspend.hydro.two_sphere_matrices import five_of
 from suspend.solvers.coupled import CoupledSolution, CoupledSolver
 
 SPHERE_VOLUME = 4.0 * np.pi / 3.0
 # An inner iteration with a mobility of 1 % error halves the time of a solve at 1e-6, changes nothing at 1e-3, and
 # above phi = 0.45 keeps the accurate products few (benchmarks/bench_coupled.py)
 COARSE, NESTED_BELOW, CROWDED = 1e-2, 2e-4, 0.45
-_FIVE_TO_SIX = np.array([[basis[a, b] for a, b in COMPONENT_INDEX] for basis in FIVE])
 
 
 def screened_drags(volume_fraction: float) -> tuple[float, float]:
@@ -35,16 +34,6 @@ def screened_drags(volume_fraction: float) -> tuple[float, float]:
 def stresslet_scale(volume_fraction: float) -> float:
     """Eigenvalue of M_ES taken by the preconditioner: 0.9 of a lone sphere, smaller in a crowd."""
     return max(0.9 - volume_fraction, 0.5)
-
-
-def five_of(tensor: np.ndarray) -> np.ndarray:
-    """Components (5,) of a symmetric traceless tensor (3, 3) in the orthonormal basis `FIVE`."""
-    return np.einsum("aij,ij->a", FIVE, tensor)
-
-
-def six_of(five: np.ndarray) -> np.ndarray:
-    """Components (..., 6) in the order of `suspend.conventions.COMPONENTS` from five-vectors (..., 5)."""
-    return five @ _FIVE_TO_SIX
 
 
 @dataclass(frozen=True)

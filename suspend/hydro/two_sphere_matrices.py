@@ -11,6 +11,7 @@ import functools
 
 import numpy as np
 
+from suspend.conventions import COMPONENT_INDEX
 from suspend.hydro.two_sphere_series import FUNCTIONS
 
 _R2, _R6 = np.sqrt(2.0), np.sqrt(6.0)
@@ -23,6 +24,7 @@ FIVE = np.array(
         np.array([[0, 0, 0], [0, 0, 1], [0, 1, 0]]) / _R2,
     ]
 )
+_FIVE_TO_SIX = np.array([[basis[a, b] for a, b in COMPONENT_INDEX] for basis in FIVE])
 LEVI_CIVITA = np.zeros((3, 3, 3))
 LEVI_CIVITA[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 LEVI_CIVITA[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
@@ -33,6 +35,21 @@ UNIT_FACTORS = np.array([_FACTOR[name[1]] for name in FUNCTIONS])
 FORCE = (slice(0, 3), slice(6, 9))
 TORQUE = (slice(3, 6), slice(9, 12))
 STRESSLET = (slice(12, 17), slice(17, 22))
+
+
+def five_of(tensor: np.ndarray) -> np.ndarray:
+    """Components (..., 5) of symmetric traceless tensors (..., 3, 3) in the orthonormal basis `FIVE`."""
+    return np.einsum("aij,...ij->...a", FIVE, tensor)
+
+
+def tensor_of(five: np.ndarray) -> np.ndarray:
+    """Symmetric traceless tensors (..., 3, 3) of five-vectors (..., 5)."""
+    return np.einsum("...a,aij->...ij", five, FIVE)
+
+
+def six_of(five: np.ndarray) -> np.ndarray:
+    """Components (..., 6) in the order of `suspend.conventions.COMPONENTS` of five-vectors (..., 5)."""
+    return five @ _FIVE_TO_SIX
 
 
 def tensor_forms(f: dict[str, float], e: np.ndarray) -> tuple[np.ndarray, ...]:

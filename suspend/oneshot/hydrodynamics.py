@@ -8,8 +8,8 @@ import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.hydro.neighbours import find_pairs
-from suspend.hydro.two_sphere_matrices import FIVE
 from suspend.oneshot.scene import Method, PeriodicScene
+from suspend.scene import threads_used
 
 CLOSE_GAP = 0.2  # radii: pairs below it enter the incomplete factorisation, as in runs
 
@@ -23,23 +23,15 @@ class Hydrodynamics:
         method.check(scene)
         self.scene, self.method = scene, method
         self.position, self.tilt = scene.wrapped(), scene.reduced_tilt
+        self.threads = threads_used(scene.number, method.threads)
         identity = method.far_field == "identity"
         self.drags = (1.0, 1.0 if identity else ROTATIONAL_DRAG)
         self.self_stresslet = 2.0 if identity else SELF_STRESSLET
-        self.near = self.mobility = None
-        if method.far_field == "ewald":
-            self._place_far_field()
+        self.near = self.far = self.mobility = None
         if method.lubrication.enabled:
             self._assemble_near_field()
-
-    def _place_far_field(self) -> None:
-        from suspend.hydro.ewald.mobility import Mobility
-
-        scene, method = self.scene, self.method
-        parameters = _parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
-        self.mobility = Mobility(scene.edge, scene.number, parameters, method.threads)
-        pairs, offset = find_pairs(self.position, scene.edge, self.tilt, self.mobility.cutoff)
-        self.mobility.place(self.position, self.tilt, pairs, offset)
+        if method.far_field == "ewald":
+            self._place_far_field()
 
     def _assemble_near_field(self) -> None:
         from suspend.hydro.nearfield import NearField, pair_table
@@ -47,15 +39,27 @@ class Hydrodynamics:
         law = self.method.lubrication
         table = pair_table(law.cutoff, law.at_cutoff, law.minimum_gap)
         drags = self.drags
-        if self.mobility is not None:  # of the preconditioner
+        if self.method.far_field == "ewald":  # of the preconditioner
             from suspend.farfield import screened_drags
 
             drags = screened_drags(self.scene.volume_fraction)
-        self.near = NearField(table, drags, self.method.threads)
+        self.near = NearField(table, drags, self.threads)
         pairs, offset = find_pairs(self.position, self.scene.edge, self.tilt, law.cutoff)
         self.near.use_list(pairs, offset)
         self.near.assemble(self.position, self.scene.edge, self.tilt)
         self.near.precondition(CLOSE_GAP)
+
+    def _place_far_field(self) -> None:
+        from suspend.farfield import FarField
+
+        scene, method = self.scene, self.method
+        parameters = _parameters(method.ewald, method.ewald_target, scene.number, scene.edge)
+        self.far = FarField(
+            scene.edge, scene.number, parameters, self.near, method.far_target, method.max_iterations, self.threads
+        )
+        self.mobility = self.far.mobility
+        pairs, offset = find_pairs(self.position, scene.edge, self.tilt, parameters.cutoff)
+        self.far.place(self.position, self.tilt, pairs, offset)
 
     def strain_loads(self, strain_rate: np.ndarray) -> np.ndarray:
         """R_FE^nf : E, (N, 6): loads of the near field on spheres held in the flow."""
@@ -96,12 +100,3 @@ def _parameters(ewald, tolerance: float, number: int, edge: float):
 
     return make_parameters(ewald, tolerance, number, edge)
 
-
-def to_five(tensor: np.ndarray) -> np.ndarray:
-    """Five components of symmetric traceless tensors (..., 3, 3) in the orthonormal basis `FIVE`."""
-    return np.einsum("aij,...ij->...a", FIVE, tensor)
-
-
-def to_tensor(five: np.ndarray) -> np.ndarray:
-    """Symmetric traceless tensors (..., 3, 3) of five components (..., 5)."""
-    return np.einsum("...a,aij->...ij", five, FIVE)

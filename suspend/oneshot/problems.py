@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspend.oneshot.hydrodynamics import Hydrodynamics, to_five, to_tensor
+from suspend.hydro.two_sphere_matrices import five_of, tensor_of
+from suspend.oneshot.hydrodynamics import Hydrodynamics
 from suspend.oneshot.iterations import solve_definite
 from suspend.oneshot.scene import Method, PeriodicScene, strain_rate_tensor, vectors_of
 
@@ -116,11 +117,11 @@ def resistance_problem(
         load = velocity * np.repeat(hydro.drags, 3)
         far, residual, iterations, products = _lone_stresslets(hydro, flow), 0.0, 0, 0
     else:
-        right = np.hstack([velocity, np.tile(-to_five(flow), (scene.number, 1))])
+        right = np.hstack([velocity, np.tile(-five_of(flow), (scene.number, 1))])
         found = solve_definite(
             hydro.mobility.apply, right, MOBILITY_DIAGONAL, method.far_target, method.max_iterations
         )
-        load, far = found.solution[:, :6], to_tensor(found.solution[:, 6:])
+        load, far = found.solution[:, :6], tensor_of(found.solution[:, 6:])
         residual, iterations, products = found.residual, found.iterations, found.products
     load = load + hydro.near_loads(velocity) - hydro.strain_loads(flow)
     stresslet = -far + hydro.near_stresslets(velocity, flow)
@@ -160,15 +161,10 @@ def _move_coupled(hydro: Hydrodynamics, load: np.ndarray, flow: np.ndarray) -> t
     """With the Ewald far field; without lubrication M_SS s = -E - M_SF f alone is to be solved."""
     method, number = hydro.method, hydro.scene.number
     if hydro.near is not None:
-        from suspend.farfield import stresslet_scale
-        from suspend.solvers.coupled import CoupledSolver
-
-        scale = stresslet_scale(hydro.scene.volume_fraction)
-        solver = CoupledSolver(hydro.mobility, hydro.near, scale, method.max_iterations)
-        found = solver.solve(load, to_five(flow), method.far_target)
+        found = hydro.far.solve(load, flow, 0.0, None)
         return (
             found.velocity,
-            to_tensor(found.stresslet),
+            tensor_of(found.stresslet),
             float(found.residual),
             found.iterations,
             found.products,
@@ -178,10 +174,10 @@ def _move_coupled(hydro: Hydrodynamics, load: np.ndarray, flow: np.ndarray) -> t
         return hydro.mobility.apply(np.hstack([np.zeros((number, 6)), stresslets]))[:, 6:]
 
     loads = np.hstack([load, np.zeros((number, 5))])
-    right = -to_five(flow) - hydro.mobility.apply(loads)[:, 6:]
+    right = -five_of(flow) - hydro.mobility.apply(loads)[:, 6:]
     found = solve_definite(
         strain_rates, right, MOBILITY_DIAGONAL[6:], method.far_target, method.max_iterations
     )
     loads[:, 6:] = found.solution
     velocity = hydro.mobility.apply(loads)[:, :6]
-    return velocity, to_tensor(found.solution), found.residual, found.iterations, found.products + 2
+    return velocity, tensor_of(found.solution), found.residual, found.iterations, found.products + 2
