@@ -266,16 +266,22 @@ def grid_of(size: int, largest: tuple[int, int, int], support: int) -> tuple[int
     return size, smooth_sizes(least, 2 * least + 8, False)[0], size
 
 
+# Slow-down of the transforms by the bytes of the grid: held by the nearest caches, by the last one (32 MB), by none.
+OUT_OF_CACHE = ((10_000_000, 1.0), (28_000_000, 1.1), (math.inf, 2.4))
+
+
 def wave_cost(number: int, grid: tuple[int, int, int], largest: tuple[int, int, int], support: int) -> float:
     """Estimated time of one product, seconds on one core (measured on a Zen 5 core at 2.6 GHz).
 
-    7 ns a row of 8 points of a stencil and pass; 0.6 ns (sizes 2^a) to 2 ns a point and transform.
+    7 ns a row of 8 points of a stencil and pass; 0.6 ns (sizes 2^a up to 64) to 2 ns a point and transform, more
+    where the grid does not fit into the cache.
     """
+    m1, m2, m3 = grid
+    slower = next(factor for most, factor in OUT_OF_CACHE if 24 * m1 * m2 * m3 <= most)
 
     def per_point(size, otherwise):
-        return 0.6 if size & (size - 1) == 0 else otherwise
+        return slower * (0.6 if size in (8, 16, 32, 64) else otherwise)
 
-    m1, m2, m3 = grid
     columns = 3 * (largest[0] + 1)
     strips = -(-support // 8)
     stencils = number * (80.0 + 7.0 * support**2 * strips * (0.8 if support <= 4 else 1.0))
