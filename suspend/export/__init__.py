@@ -1,0 +1,1 @@
+"""Export of runs for the tools people use: GSD, extended XYZ, CSV, JSON, xarray."""
