@@ -47,7 +47,7 @@ def sedimentation(phi: float) -> float:
 
 FITS = {
     "eta_inf": (viscosity, "fit after Abade et al., J. Chem. Phys. 132, 014503 (2010), from memory"),
-    "D_s": (translation, "fit after Abade et al. (2010), Heinen et al., J. Chem. Phys. 135, 154504 (2011), from memory"),
+    "D_s": (translation, "fit after Heinen et al., J. Chem. Phys. 135, 154504 (2011), from memory"),
     "D_r": (rotation, "fit after Cichocki, Ekiel-Jezewska & Wajnryb, J. Chem. Phys. 111, 3265 (1999), from memory"),
     "U": (sedimentation, "fit after Abade et al. (2010), Heinen et al. (2011), from memory"),
 }
