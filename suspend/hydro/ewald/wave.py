@@ -13,6 +13,7 @@ only for n1 <= n1max, along axis 3 only for |n2| <= n2max as well.
 
 from __future__ import annotations
 
+import itertools
 import math
 from concurrent.futures import ThreadPoolExecutor
 
@@ -112,7 +113,8 @@ class _Transforms:
         columns += [(y, min(y + 4, m2)) for y in range(m2 - n2, m2, 4)]
         self.along = [[self._plan(self.modes[:, a:b], self.modes[:, a:b], 0, way) for a, b in columns]
                       for way in (True, False)]  # fmt: skip
-        self.pool = ThreadPoolExecutor(threads) if threads > 1 else None
+        self.threads = threads
+        self.pool = ThreadPoolExecutor(threads - 1) if threads > 1 else None
 
     @staticmethod
     def _plan(source, target, axis, forward=True):
@@ -121,11 +123,18 @@ class _Transforms:
         return pyfftw.FFTW(source, target, axes=(axis,), direction=direction, flags=flags, threads=1)
 
     def _each(self, work, pieces):
-        if self.pool is None:
-            for piece in pieces:
-                work(piece)
-        else:
-            list(self.pool.map(work, pieces))
+        """One run of pieces a thread: handing over every piece by itself costs as much as its transform."""
+        cuts = _cut(len(pieces), self.threads)
+        runs = [pieces[first:last] for first, last in itertools.pairwise(cuts)]
+        others = [self.pool.submit(self._all, work, run) for run in runs[1:]]
+        self._all(work, runs[0])
+        for other in others:
+            other.result()
+
+    @staticmethod
+    def _all(work, pieces):
+        for piece in pieces:
+            work(piece)
 
     @staticmethod
     def _run(plan):
