@@ -1,6 +1,7 @@
 """Cost of a velocity evaluation in the paper's oscillatory run, and how it grows with N.
 
-    NUMBA_NUM_THREADS=1 python benchmarks/bench_evaluation.py [--number 500 32000] [--tolerance 1e-6] [--cycles 2]
+    NUMBA_NUM_THREADS=1 python benchmarks/bench_evaluation.py [--number 500 32000] [--tolerance 1e-6]
+        [--far-field ewald]
 
 Runs gamma0 = 0.8, phi = 0.40, cutoff 4 a with integrator.tolerance 1e-3 and prints the time per evaluation of the
 last half of the strain (everything included: list, assembly, forces, preconditioner, solve, integrator).
@@ -9,6 +10,7 @@ last half of the strain (everything included: list, assembly, forces, preconditi
 from __future__ import annotations
 
 import argparse
+import resource
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -22,8 +24,9 @@ from suspend.simulation import Simulation
 PAPER = Path(__file__).parent.parent / "configs" / "paper.yaml"
 
 
-def measure(number: int, tolerance: float, strain: float, threads: int) -> None:
-    overrides = [f"particles.number={number}", f"solver.tolerance={tolerance}", "output.flow_driven=false"]
+def measure(number: int, tolerance: float, strain: float, threads: int, far_field: str) -> None:
+    overrides = [f"particles.number={number}", "output.flow_driven=false", f"far_field={far_field}"]
+    overrides.append(f"solver.tolerance={tolerance}" if far_field != "ewald" else f"tolerance={tolerance}")
     packing = random_packing(number, 0.4, 1e-3, 1)
     simulation = Simulation(load(PAPER, overrides), threads, packing.length)
     simulation.start(packing.positions, 0.0)
@@ -45,9 +48,10 @@ def measure(number: int, tolerance: float, strain: float, threads: int) -> None:
             simulation.end_cycle()
     per = np.array(times) / np.array(evaluations)
     print(
-        f"N {number}, threads {threads}, tolerance {tolerance:g}: median {1e3 * np.median(per):.3f} ms, mean "
-        f"{1e3 * sum(times) / sum(evaluations):.3f} ms per evaluation, {1e6 * np.median(per) / number:.3f} us per "
-        f"sphere, {sum(iterations) / sum(evaluations):.1f} iterations, {sum(evaluations)} evaluations",
+        f"N {number}, {far_field}, threads {threads}, tolerance {tolerance:g}: median {1e3 * np.median(per):.3f} ms, "
+        f"mean {1e3 * sum(times) / sum(evaluations):.3f} ms per evaluation, {1e6 * np.median(per) / number:.3f} us per "
+        f"sphere, {sum(iterations) / sum(evaluations):.1f} iterations, {sum(evaluations)} evaluations, "
+        f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MB",
         flush=True,
     )
 
@@ -58,9 +62,10 @@ def main() -> None:
     parser.add_argument("--tolerance", type=float, default=1e-6)
     parser.add_argument("--strain", type=float, default=6.4)
     parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--far-field", choices=("self", "ewald"), default="self")
     arguments = parser.parse_args()
     for number in arguments.number:
-        measure(number, arguments.tolerance, arguments.strain, arguments.threads)
+        measure(number, arguments.tolerance, arguments.strain, arguments.threads, arguments.far_field)
 
 
 if __name__ == "__main__":
