@@ -201,3 +201,20 @@ def test_refuses_positions_of_another_scene():
     mobility = placed(loose_positions(4, 8.0, 0.0, seed=1), 8.0, 0.0, 1e-2)
     with pytest.raises(ConfigurationError, match="made for 4"):
         mobility.place(np.zeros((5, 3)), 0.0, *find_pairs(np.zeros((5, 3)), 8.0, 0.0, 3.0))
+
+
+@pytest.mark.parametrize("tilt", [0.0, -0.4])
+def test_supercell_of_eight_copies(tilt):
+    """Eight copies of a scene in a cell of twice the edge carry the same loads and get the same velocities: k = 0
+    of the small cell and every image are counted alike. Two sums of 1e-9 each.
+    """
+    edge, tolerance = 6.0, 1e-9
+    random = np.random.default_rng(11)
+    vectors = edge * np.array([[1, 0, 0], [tilt, 1, 0], [0, 0, 1]])
+    position = random.random((4, 3)) @ vectors
+    shifts = np.array([(a, b, c) for a in (0, 1) for b in (0, 1) for c in (0, 1)]) @ vectors
+    loads = random.standard_normal((4, 11))
+    one = placed(position, edge, tilt, tolerance).apply(loads)
+    copies = np.concatenate([position + s for s in shifts])
+    many = placed(copies, 2 * edge, tilt, tolerance).apply(np.tile(loads, (8, 1)))
+    assert np.linalg.norm(many - np.tile(one, (8, 1))) < 4 * tolerance * np.linalg.norm(many)

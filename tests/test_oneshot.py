@@ -20,7 +20,7 @@ from suspend.oneshot import (
 from suspend.oneshot.iterations import solve_definite
 
 DATA = Path(__file__).parent / "data"
-SCENES = ("pair_xi1e-02", "rand_N8_phi0.2", "rand_N8_phi0.4", "sheared0.20_N27_phi0.3")
+SCENES = ("pair_xi1e-02", "rand_N8_phi0.2", "rand_N8_phi0.4", "rand_N27_phi0.3", "sheared0.20_N27_phi0.3")
 OFF = Lubrication(enabled=False)
 HARD = Lubrication(at_cutoff="hard")
 SHEAR = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
