@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 from suspend_cli.errors import guarded
+from suspend_cli.export import export
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
 from suspend_cli.properties import properties
 from suspend_cli.solve import solve
@@ -228,6 +229,7 @@ def init(file, force) -> None:
 
 cli.add_command(solve)
 cli.add_command(properties)
+cli.add_command(export)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -198,6 +198,17 @@ class Run:
             return self.series(name, 0, 1)[:0]
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
+    def sample(self, name: str, cycle: int, i: int) -> np.ndarray:
+        """Time series `name` at sample i of a cycle, without reading the cycle's others. Raises IndexError, KeyError."""
+        if not 0 <= cycle < self.stored:
+            raise IndexError(f"cycle {cycle} of {self.stored}")
+        if cycle >= self._base_cycles:
+            return self.cycle(cycle)[name][i]
+        start, stop = self._base.bounds(name, cycle, cycle + 1)
+        if not 0 <= i < stop - start:
+            raise IndexError(f"sample {i} of {stop - start}")
+        return self._base.rows(name, start + i, start + i + 1)[0]
+
     def _tail_rows(self, name: str, k: int) -> np.ndarray:
         record = self.cycle(k)
         if name in ("cycle", "frame_cycle"):
