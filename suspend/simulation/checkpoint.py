@@ -1,0 +1,78 @@
+"""A run in memory as a checkpoint: arrays and numbers from which it continues bit for bit."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import numpy as np
+
+from suspend.dynamics import Counters, History
+from suspend.motion import State
+
+
+def dump(simulation) -> tuple[dict, dict | None]:
+    """Everything needed to continue a `Simulation`: (state, partial record of the cycle in progress or None)."""
+    suspension, motion = simulation.suspension, simulation.motion
+    verlet = suspension.list
+    content = {
+        "motion": asdict(simulation.state),
+        "controller": motion.controller.previous,
+        "position_error": motion.position_error,
+        "evaluations_before": motion.evaluations_before,
+        "history": _dump_history(suspension.history),
+        "flow_history": _dump_history(suspension.flow_history),
+        "threads": suspension.threads,
+    }
+    if simulation.between_cycles:
+        return content, None
+    content |= {
+        "counters": asdict(suspension.counters),
+        "baseline": suspension.baseline,
+        "start_position": simulation.start_position,
+        "list": None if verlet is None else _list_point(verlet),
+        "factor": _factor_point(suspension.factor_point),
+        "factor_age": suspension.factor_age,
+    }
+    return content, simulation.recorder.partial()
+
+
+def load(simulation, content: dict, partial: dict | None) -> None:
+    """Continue a `Simulation` made from the same configuration from what `dump` returned."""
+    suspension, motion = simulation.suspension, simulation.motion
+    simulation.state, simulation.events = State(**content["motion"]), []
+    motion.controller.previous = content["controller"]
+    motion.evaluations_before = content["evaluations_before"]
+    _load_history(suspension.history, content["history"])
+    _load_history(suspension.flow_history, content["flow_history"])
+    if partial is None:
+        return
+    if content["list"] is not None:
+        point = content["list"]
+        suspension.renew(point["reference"], point["strain"], point["tilt"])
+    if content["factor"] is not None:
+        position, tilt = content["factor"]["position"], content["factor"]["tilt"]
+        suspension.near.assemble(position, suspension.scene.edge, tilt)
+        suspension.factor(position, tilt)
+        suspension.factor_age = content["factor_age"]
+    motion.position_error = content["position_error"]
+    suspension.counters = Counters(**content["counters"])
+    suspension.baseline, simulation.start_position = content["baseline"], content["start_position"]
+    simulation.recorder.resume(partial)
+    time = simulation.state.time
+    simulation.events = [t for t in simulation.coming_events() if t > time + 1e-12 * max(1.0, time)]
+
+
+def _list_point(verlet) -> dict:
+    return {"reference": verlet.reference, "strain": verlet.strain, "tilt": verlet.tilt}
+
+
+def _factor_point(point) -> dict | None:
+    return None if point is None else {"position": point[0], "tilt": point[1]}
+
+
+def _dump_history(history: History) -> dict:
+    return {"times": list(history.times), "values": np.array(history.values)}
+
+
+def _load_history(history: History, content: dict) -> None:
+    history.times, history.values = [float(t) for t in content["times"]], list(content["values"])

@@ -1,0 +1,126 @@
+"""The loop over the cycles of a run, with files, signals and progress."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+
+import numpy as np
+
+from suspend.dynamics import Counters
+from suspend.errors import Interrupted, NumericalError
+from suspend.io import RunStore
+from suspend.simulation.in_memory import Simulation
+from suspend.simulation.progress import ProgressState
+from suspend.simulation.stop import Stop
+from suspend.simulation.summary import Summary
+
+PROGRESS_EVERY = 0.1  # seconds
+
+
+class Session:
+    """The loop over cycles with files, signals and progress."""
+
+    def __init__(self, simulation: Simulation, store: RunStore, stop: Stop, progress, started: float):
+        self.simulation, self.store, self.stop, self.progress = simulation, store, stop, progress
+        self.started, self.drawn = started, 0.0
+        flow = simulation.flow
+        self.total = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
+        self.begun = self._strain()
+        self.sums = {k: 0 for k in ("evaluations", "iterations", "rejected_overlap", "rejected_error")}
+        self.smallest = np.inf
+        self.count_before = asdict(simulation.suspension.counters)
+
+    def _strain(self) -> float:
+        state = self.simulation.state
+        return self.simulation.flow.accumulated(state.cycle, state.time)
+
+    def go(self) -> None:
+        """Run to the end; a checkpoint is written whatever stops it."""
+        simulation, store = self.simulation, self.store
+        if not store.has_state:
+            store.save(*simulation.dump())
+        self._report(compiling=True)
+        if simulation.state.cycle >= simulation.flow.cycles:
+            if not store.finished:
+                store.finish(simulation.dump()[0], simulation.final_frame())
+            return
+        while True:
+            self._cycle()
+            if simulation.state.cycle >= simulation.flow.cycles:
+                break
+            self._interrupt()
+        store.finish(simulation.dump()[0], simulation.final_frame())
+
+    def _cycle(self) -> None:
+        simulation, clock = self.simulation, time.monotonic()
+        try:
+            if simulation.between_cycles:
+                simulation.begin_cycle()
+            while simulation.events:
+                simulation.step()
+                self._report()
+                if simulation.events:
+                    self._interrupt()
+        except NumericalError as error:
+            raise NumericalError(
+                f"{error}; cycle {simulation.state.cycle}, step after total strain {self._strain():.6g}; the "
+                f"{self.store.cycles_done} completed cycles are kept in {self.store.directory}"
+            ) from None
+        simulation.wall_time = time.monotonic() - clock
+        self._count(asdict(simulation.suspension.counters))
+        self.store.append_cycle(simulation.end_cycle())
+        self.store.save(*simulation.dump())
+
+    def _count(self, counters: dict) -> None:
+        for name in self.sums:
+            self.sums[name] += counters[name] - self.count_before[name]
+        self.smallest = min(self.smallest, counters["minimum_gap"])
+        self.count_before = asdict(Counters())
+
+    def _interrupt(self) -> None:
+        reason = self.stop.check()
+        if reason is None:
+            return
+        self.store.save(*self.simulation.dump())
+        self.store.consolidate()
+        raise Interrupted(
+            f"stopped ({reason}) at total strain {self._strain():.6g} of {self.total:.6g}; checkpoint written, "
+            "the same command continues"
+        )
+
+    def _report(self, compiling: bool = False) -> None:
+        now = time.monotonic()
+        if self.progress is None or (now - self.drawn < PROGRESS_EVERY and not compiling):
+            return
+        self.drawn = now
+        state, counters, strain = self.simulation.state, self.simulation.suspension.counters, self._strain()
+        self.progress(
+            ProgressState(
+                cycle=state.cycle,
+                cycles=self.simulation.flow.cycles,
+                strain=strain,
+                total_strain=self.total,
+                fraction=strain / self.total,
+                minimum_gap=counters.minimum_gap,
+                iterations=counters.iterations,
+                evaluations=counters.evaluations,
+                elapsed=now - self.started,
+                compiling=compiling,
+                initial_fraction=self.begun / self.total,
+            )
+        )
+
+    def summary(self) -> Summary:
+        """Closing figures of this session."""
+        return Summary(
+            {
+                "directory": str(self.store.directory),
+                "cycles": self.store.cycles_done,
+                "total_strain": self.total,
+                "strain_now": self.total - self.begun,
+                "seconds": time.monotonic() - self.started,
+                "minimum_gap": float(self.smallest),
+                **self.sums,
+            }
+        )

@@ -1,0 +1,140 @@
+"""Starting a run in a directory, or continuing what is there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numba
+
+from suspend.analysis.rheology import block_row, cycle_row
+from suspend.config import Config, loads
+from suspend.errors import ConfigurationError, StorageError
+from suspend.flow import make_flow, rate_scale
+from suspend.initial import prepare_initial
+from suspend.io import CycleTable, Run, RunStore, holds_run
+from suspend.scene import make_units
+from suspend.simulation.in_memory import Simulation
+from suspend.simulation.provenance import provenance
+from suspend.simulation.session import Session
+from suspend.simulation.stop import Stop
+from suspend.simulation.summary import Summary
+
+
+def run(
+    config: Config,
+    directory: str | Path,
+    *,
+    resume: bool | None = None,
+    threads: int | None = None,
+    max_time: float | None = None,
+    progress: Callable | None = None,
+    message: Callable[[str], None] | None = None,
+) -> Summary:
+    """Run a configuration into `directory`, or continue, or extend what is there.
+
+    resume : True = only continue an existing run; None = start, or continue a run of the same configuration (the
+    duration may be longer). threads : default all cores. max_time : seconds. progress(state), message(text) : optional
+    callbacks. Raises ConfigurationError, NumericalError, StorageError, Interrupted (after writing a checkpoint).
+    """
+    started = time.monotonic()
+    say = message or (lambda text: None)
+    directory = Path(directory)
+    threads = _use_threads(threads)
+    exists = holds_run(directory)
+    if resume and not exists:
+        raise StorageError(f"{directory} holds no run to resume: leave out --resume to start one")
+    with Stop(max_time) as stop:
+        simulation, store = (_continue if exists else _start)(config, directory, threads, say)
+        with store:
+            session = Session(simulation, store, stop, progress, started)
+            session.go()
+        return session.summary()
+
+
+def _use_threads(threads: int | None) -> int:
+    available = numba.config.NUMBA_NUM_THREADS
+    if threads is not None and not 1 <= threads <= available:
+        raise ConfigurationError(f"threads: {threads}; this process can use 1 to {available}")
+    return threads or available
+
+
+def _table(config: Config) -> CycleTable:
+    scales = {"viscosity": config.fluid.viscosity}
+    if config.flow.type == "oscillatory":
+        flow = config.flow
+        scales |= {"gamma0": flow.amplitude, "omega": flow.omega, "phase": flow.phase}
+        return CycleTable("moduli.csv", lambda record: cycle_row(record, scales))
+    scales["rate"] = rate_scale(config)
+    return CycleTable("viscosity.csv", lambda record: block_row(record, scales))
+
+
+def _start(config: Config, directory: Path, threads: int, say) -> tuple[Simulation, RunStore]:
+    initial = prepare_initial(config, config.directory)
+    simulation = Simulation(config, threads, initial.length)
+    simulation.start(initial.positions, initial.tilt)
+    store = RunStore.create(directory, config.to_yaml(), provenance(config, initial, threads), _table(config))
+    if initial.packing is not None:
+        p = initial.packing
+        say(
+            f"start: random packing, g(contact) {p.contact_value:.3g} (equilibrium fluid "
+            f"{p.equilibrium_contact_value:.3g}), Q6 {p.global_q6:.3g}, smallest gap {p.minimum_gap:.3g} a"
+        )
+    return simulation, store
+
+
+def _continue(config: Config, directory: Path, threads: int, say) -> tuple[Simulation, RunStore]:
+    with Run(directory) as stored:
+        _check_same(config, stored, directory)
+    store = RunStore.open(directory, _table(config))
+    try:
+        units = make_units(config)
+        simulation = Simulation(config, threads, store.meta["L"] / units.length)
+        content, partial = store.load_state()
+        simulation.load(content, partial)
+        if store.config_yaml != config.to_yaml():
+            store.update_configuration(config.to_yaml())
+    except BaseException:
+        store.close()
+        raise
+    for note in store.notes:
+        say(note)
+    if simulation.suspension.threads != content["threads"]:
+        say(
+            f"note: {content['threads']} thread(s) before, {simulation.suspension.threads} now: results go on "
+            "within the tolerances, not bit for bit"
+        )
+    say(f"continuing at cycle {simulation.state.cycle} of {simulation.flow.cycles}")
+    return simulation, store
+
+
+def _check_same(config: Config, run: Run, directory: Path) -> None:
+    stored = loads(run.config_yaml, source=f"configuration stored in {directory}")
+    differing = _differing(stored.to_dict(), config.to_dict())
+    if differing:
+        raise ConfigurationError(
+            f"{directory} holds a run with another configuration ({', '.join(differing)} differ): "
+            "choose another --output, or the configuration it was started with"
+        )
+    old_flow, new_flow = make_flow(stored), make_flow(config)
+    if run.cycles and old_flow.period(0) != new_flow.period(0):
+        raise ConfigurationError(
+            f"{directory}: duration.strain {config.duration.strain:g} cuts the run into other blocks than the "
+            f"{stored.duration.strain:g} it was started with: choose a whole multiple of the block length "
+            f"{old_flow.period(0):g}"
+        )
+
+
+def _differing(old: dict, new: dict) -> list[str]:
+    """Dotted names of the keys of two configurations that differ, the duration's left out."""
+    names = []
+    for section, value in new.items():
+        before = old.get(section)
+        if section == "duration" or before == value:
+            continue
+        if isinstance(value, dict) and isinstance(before, dict):
+            names += [f"{section}.{key}" for key in value if before.get(key) != value[key]]
+        else:
+            names.append(section)
+    return sorted(names)

@@ -1,0 +1,29 @@
+"""Closing figures of a session."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass
+class Summary:
+    """Closing figures of a session."""
+
+    figures: dict
+
+    def as_dict(self) -> dict:
+        """Figures for scripts."""
+        return self.figures
+
+    def lines(self) -> list[str]:
+        """One line to close a run with."""
+        f = self.figures
+        if f["evaluations"] == 0:
+            return [f"{f['directory']}: finished before, {f['cycles']} cycles, nothing to do"]
+        return [
+            f"{f['directory']}: {f['cycles']} cycles, total strain {f['total_strain']:.6g}, {f['seconds']:.1f} s, "
+            f"{f['evaluations']} velocity evaluations ({f['evaluations'] / max(f['strain_now'], 1e-300):.0f} per unit "
+            f"strain), {f['iterations'] / f['evaluations']:.1f} iterations each, "
+            f"smallest gap {f['minimum_gap']:.3g} a, rejected steps {f['rejected_overlap']} (overlap) "
+            f"{f['rejected_error']} (error)"
+        ]
