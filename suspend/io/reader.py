@@ -199,7 +199,7 @@ class Run:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def sample(self, name: str, cycle: int, i: int) -> np.ndarray:
-        """Time series `name` at sample i of a cycle, without reading the cycle's others. Raises IndexError, KeyError."""
+        """Time series `name` at sample i of a cycle, without reading the others. Raises IndexError, KeyError."""
         if not 0 <= cycle < self.stored:
             raise IndexError(f"cycle {cycle} of {self.stored}")
         if cycle >= self._base_cycles:
