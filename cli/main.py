@@ -8,6 +8,7 @@ import click
 from suspend_cli.errors import guarded
 from suspend_cli.export import export
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
+from suspend_cli.plot import plot
 from suspend_cli.properties import properties
 from suspend_cli.solve import solve
 
@@ -19,6 +20,7 @@ Examples:
   suspend init config.yaml             write a commented configuration
   suspend run config.yaml              run it, or continue it where it stopped
   suspend analyze runs/config          moduli of every cycle
+  suspend plot viscosity runs/*        figures by name
   suspend solve scene.npz              velocities of one configuration
   suspend properties --phi 0.4         viscosity, diffusion, sedimentation of packings
 
@@ -230,6 +232,7 @@ def init(file, force) -> None:
 cli.add_command(solve)
 cli.add_command(properties)
 cli.add_command(export)
+cli.add_command(plot)
 
 
 def main(arguments: list[str] | None = None) -> None:
