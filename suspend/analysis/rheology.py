@@ -127,7 +127,7 @@ def cycle_moduli(record: Mapping, scales: Mapping) -> CycleModuli:
     (stress not finite).
     """
     parts = stress_parts(record)
-    signals = np.stack([_signals(stress) for stress in parts.values()])  # (parts, 3, n)
+    signals = np.stack([stress_signals(stress) for stress in parts.values()])  # (parts, 3, n)
     theta = cycle_theta(record, scales)
     unit = scales["viscosity"] * scales["gamma0"] * scales["omega"]
     coefficients = fourier_coefficients(theta, signals) / unit
@@ -156,12 +156,12 @@ def normalised_signals(record: Mapping, scales: Mapping) -> dict[str, np.ndarray
     """
     amplitude = scales.get("gamma0", 1.0)
     reference = amplitude * scales["omega"] if "omega" in scales else abs(scales["rate"])
-    shear, n1, n2 = _signals(stress_parts(record)["total"]) / (scales["viscosity"] * reference)
+    shear, n1, n2 = stress_signals(stress_parts(record)["total"]) / (scales["viscosity"] * reference)
     strain, rate = np.asarray(record["strain"]) / amplitude, np.asarray(record["rate"]) / reference
     return {"strain": strain, "rate": rate, "shear": shear, "N1": n1, "N2": n2}
 
 
-def _signals(stress: np.ndarray) -> np.ndarray:
+def stress_signals(stress: np.ndarray) -> np.ndarray:
     """sigma_xy, N1, N2 as rows (3, n)."""
     n1, n2 = stress[:, _XX] - stress[:, _YY], stress[:, _YY] - stress[:, _ZZ]
     return np.stack([stress[:, _XY], n1, n2])
@@ -247,7 +247,7 @@ def block_row(record: Mapping, scales: Mapping) -> dict[str, float]:
     parts = stress_parts(record)
     for name, stress in parts.items():
         tail = "" if name == "total" else "_" + name
-        shear, n1, n2 = (float(value) for value in _signals(stress).mean(axis=1) / unit)
+        shear, n1, n2 = (float(value) for value in stress_signals(stress).mean(axis=1) / unit)
         row["eta_r" + tail + "[-]"] = _ratio(shear, mean_rate)
         row["sigma_xy" + tail + "[eta0*rate]"] = shear
         row["N1" + tail + "[eta0*rate]"] = n1

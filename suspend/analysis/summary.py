@@ -6,7 +6,7 @@ import csv
 import io
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 
 from suspend.analysis.dynamics import cyclic_diffusivities
-from suspend.analysis.rheology import PARTS, block_row, cycle_row, normalised_signals
+from suspend.analysis.rheology import block_row, cycle_row, normalised_signals
+from suspend.analysis.samples import cycle_samples, default_window, read_scales
 from suspend.analysis.tables import format_analysis
-from suspend.errors import ConfigurationError, StorageError
+from suspend.errors import ConfigurationError
 from suspend.io import Run
 from suspend.io.files import replace_atomically, storage_errors, write_bytes
-
-_SAMPLE_FIELDS = ("time", "strain", "rate", "phase", "stress_fluid", *("stress_" + part for part in PARTS))
-_CHUNK = 32  # cycles read at a time
 
 
 @dataclass(frozen=True)
@@ -131,12 +129,10 @@ def analyze_run(run: Run, last: int | None = None, path: str = "") -> Analysis:
     """`analyze` for a run that is open already."""
     flow, scales = read_scales(run)
     if last is not None and not 1 <= last <= run.cycles:
-        raise ConfigurationError(
-            f"cannot average over the last {last} cycles: the run has {run.cycles} complete ones"
-        )
+        raise ConfigurationError(f"cannot average over the last {last} cycles: the run has {run.cycles} complete ones")
     make_row = cycle_row if flow == "oscillatory" else block_row
     rows, waveforms, columns = [], {}, ()
-    for record in _samples(run):
+    for record in cycle_samples(run):
         row = make_row(record, scales)
         columns = tuple(row)
         rows.append(list(row.values()))
@@ -150,42 +146,6 @@ def analyze_run(run: Run, last: int | None = None, path: str = "") -> Analysis:
         notes += _diffusivity_notes(run, d_cyc)
     window = last if last is not None else _default_window(columns, values)
     return Analysis(path, flow, scales, columns, values, window, waveforms, _cost(run), tuple(notes))
-
-
-def read_scales(run: Run) -> tuple[str, dict[str, float]]:
-    """Kind of flow, and what the moduli are normalised with, from the configuration stored with the run.
-
-    Oscillatory: gamma0, omega, phase; otherwise rate; always viscosity, radius, number, volume_fraction.
-    Raises StorageError where the configuration lacks one of them.
-    """
-    config = run.config
-    try:
-        flow, particles = config["flow"], config["particles"]
-        scales = {name: particles[name] for name in ("number", "volume_fraction", "radius")}
-        scales["viscosity"] = config["fluid"]["viscosity"]
-        if flow["type"] == "oscillatory":
-            omega = flow["omega"] if flow.get("omega") is not None else 2.0 * math.pi * flow["frequency"]
-            scales |= {"gamma0": flow["amplitude"], "omega": omega, "phase": flow["phase"]}
-        else:
-            scales["rate"] = flow["rate"]
-        return flow["type"], {name: int(v) if name == "number" else float(v) for name, v in scales.items()}
-    except (KeyError, TypeError, ValueError) as error:
-        raise StorageError(
-            f"the configuration stored with the run {getattr(run, 'path', '')} is not usable ({error!r}): "
-            "it was not written by this version of suspend, or was changed"
-        ) from error
-
-
-def _samples(run: Run) -> Iterator[dict[str, Any]]:
-    """Time series of each complete cycle; positions are not read."""
-    names = [name for name in _SAMPLE_FIELDS if run.cycles and name in run.fields]
-    for first in range(0, run.cycles, _CHUNK):
-        last = min(first + _CHUNK, run.cycles)
-        series = {name: run.series(name, first, last) for name in names}
-        owner = run.series("cycle", first, last)
-        for k in range(first, last):
-            rows = slice(*np.searchsorted(owner, (k, k + 1)))
-            yield {"index": k} | {name: column[rows] for name, column in series.items()}
 
 
 def _diffusivities(run: Run, scales: Mapping) -> np.ndarray:
@@ -202,7 +162,7 @@ def _default_window(columns: tuple[str, ...], values: np.ndarray) -> int:
         changed = np.flatnonzero(direction != direction[-1])
         usable -= changed[-1] + 1 if changed.size else 0
         return int(max(usable // 2, 1))
-    return int(min(usable, max(4, usable // 8)))
+    return default_window(usable)
 
 
 def _progress_notes(run: Run, flow: str) -> list[str]:

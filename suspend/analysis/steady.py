@@ -1,0 +1,150 @@
+"""Averages of correlated series of cycles: mean, error bar, drift test.
+
+Model: over a reference window (the last half of the run, or the averaged cycles if they are more) a series is a
+quadratic trend plus stationary noise whose correlation decays as rho^|k| from cycle to cycle (AR(1)). rho is the
+lag-one autocorrelation of the residuals, corrected for the bias of short detrended series,
+rho = (n r_1 + p)/(n - 2 - p) with p coefficients of the trend (Kendall 1954, and each further coefficient
+likewise), not below 0; the variance is corrected for the coefficients fitted. The error of a mean over m cycles is
+then sigma sqrt(sum_jk rho^|j-k|)/m. The drift test divides the least-squares slope over the window by its error
+under the same noise (Student's t, degrees of freedom from the effective number of cycles, at least 3).
+
+Measured rate of false alarms at a nominal 1 %: 0.5 % for white noise; 3 % at rho = 0.5 and 6 % at rho = 0.8 for a
+window of 32 cycles; 2 % at rho = 0.8 for 320. Noise with memory as long as the window cannot be told from drift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy.special import stdtr
+
+SIGNIFICANCE = 0.01  # of the drift test: a trend with a smaller p-value counts as drift
+_TREND = 2  # degree of the trend that is removed before the correlation is measured
+_SHORT = 8  # fewer cycles cannot show their correlation: a straight line, independent noise
+_ROUNDING = 1e-12  # of the largest value: changes below are round-off of a constant
+
+
+@dataclass(frozen=True)
+class SteadyAverage:
+    """Average over the last `cycles` values of a series, in the units of the series.
+
+    mean; error: standard error, correlation included, drift not; effective: number of independent cycles that would
+    give this error; correlation: rho (NaN: too few cycles to tell, taken as independent); change: of the straight
+    line through the last `reference` values, from end to end; p_value: probability of such a slope without drift;
+    drifting: p_value below the significance asked for. NaN where there are too few values (error: 3, drift: 4).
+    """
+
+    mean: float
+    error: float
+    effective: float
+    correlation: float
+    change: float
+    p_value: float
+    drifting: bool
+    cycles: int
+    reference: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain types by name."""
+        return asdict(self)
+
+
+def steady_average(values: np.ndarray, last: int, significance: float = SIGNIFICANCE) -> SteadyAverage:
+    """Average of the last `last` of `values` (n,), its error, and the drift over the last half of them.
+
+    Values that are not finite are left out, the others taken as consecutive.
+    """
+    values = np.asarray(values, float)
+    if not 1 <= last <= len(values):
+        raise ValueError(f"an average over the last {last} of {len(values)} values")
+    window = values[len(values) - last :]
+    window = window[np.isfinite(window)]
+    reference = values[len(values) - max(last, len(values) - len(values) // 2) :]
+    reference = reference[np.isfinite(reference)]
+    m, n = len(window), len(reference)
+    mean = float(window.mean()) if m else math.nan
+    if n < 3 or not m:
+        return SteadyAverage(mean, math.nan, float(m), math.nan, math.nan, math.nan, False, m, n)
+    sigma2, rho, change, p_value = _noise_and_trend(reference)
+    inflation = _quadratic(np.arange(m, 0, -1), rho) / m  # of the variance of the mean, by correlation
+    error = math.sqrt(sigma2 * inflation / m)
+    known = rho if n >= _SHORT else math.nan
+    return SteadyAverage(mean, error, m / inflation, known, change, p_value, p_value < significance, m, n)
+
+
+def ratio_average(
+    numerator: np.ndarray, denominator: np.ndarray, last: int, significance: float = SIGNIFICANCE
+) -> SteadyAverage:
+    """<numerator>/<denominator> over the last values; error and drift by linearisation (delta method).
+
+    Unlike the mean of ratios this stays finite where the denominator passes through zero in some cycle. NaN where
+    its mean is zero, meaningless where it is within a few errors of zero.
+    """
+    return steady_average(ratio_series(numerator, denominator, last), last, significance)
+
+
+def ratio_series(numerator: np.ndarray, denominator: np.ndarray, last: int) -> np.ndarray:
+    """Series r + (numerator - r denominator)/<denominator>: its mean over the last values is r, their ratio."""
+    numerator, denominator = np.asarray(numerator, float), np.asarray(denominator, float)
+    mean = denominator[len(denominator) - last :].mean()
+    if mean == 0.0:
+        return np.full(len(numerator), math.nan)
+    ratio = numerator[len(numerator) - last :].mean() / mean
+    return ratio + (numerator - ratio * denominator) / mean
+
+
+def magnitude_series(values: np.ndarray, last: int) -> np.ndarray:
+    """Components of complex `values` along their mean over the last ones: the mean of the series is |<values>|.
+
+    The mean of |values| instead would be too large by the noise.
+    """
+    mean = np.mean(values[len(values) - last :])
+    return (values * (np.conj(mean) / abs(mean))).real if mean != 0.0 else np.zeros(len(values))
+
+
+def summarise(averages: Mapping[str, SteadyAverage]) -> dict[str, dict[str, Any]]:
+    """`as_dict` of each."""
+    return {name: average.as_dict() for name, average in averages.items()}
+
+
+def _noise_and_trend(values: np.ndarray) -> tuple[float, float, float, float]:
+    """Variance and correlation of the noise, end-to-end change of the straight line, its p-value."""
+    n = len(values)
+    degree = _TREND if n >= _SHORT else 1
+    basis, overlaps = _polynomials(n, degree)
+    coefficients = basis.T @ values
+    residuals = values - basis @ coefficients
+    change = float(coefficients[1] * (basis[-1, 1] - basis[0, 1]))
+    square = float(residuals @ residuals)
+    floor = (_ROUNDING * np.abs(values).max()) ** 2
+    if square <= n * floor:  # no noise at all
+        return 0.0, 0.0, change, 0.0 if change**2 > floor else 1.0
+    rho = 0.0
+    if n >= _SHORT:
+        rho = (n * float(residuals[1:] @ residuals[:-1]) / square + degree + 1) / (n - 3 - degree)
+        rho = min(max(rho, 0.0), 1.0 - 1.0 / n)
+    spans = [_quadratic(row, rho) for row in overlaps]  # q^T R q for each polynomial, R_jk = rho^|j-k|
+    variance = square / (n - sum(spans))
+    freedom = max(n * (1.0 - rho) / (1.0 + rho) - degree - 1, 3.0) if n >= _SHORT else n - 2.0
+    if n < 4:
+        return variance, rho, change, math.nan
+    t = abs(coefficients[1]) / math.sqrt(variance * spans[1])
+    return variance, rho, change, float(2.0 * stdtr(freedom, -t))
+
+
+def _quadratic(overlap: np.ndarray, rho: float) -> float:
+    """q^T R q from the autocorrelation sum_j q_j q_(j+k), k = 0, 1, ..., of the vector q; R_jk = rho^|j-k|."""
+    return float(2.0 * (overlap @ rho ** np.arange(len(overlap))) - overlap[0])
+
+
+@lru_cache(maxsize=64)
+def _polynomials(n: int, degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal polynomials (n, degree + 1) on n equal steps, and their autocorrelations (degree + 1, n)."""
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, n), degree + 1, increasing=True))
+    spectrum = np.abs(np.fft.rfft(basis, 2 * n, axis=0)) ** 2
+    return basis, np.ascontiguousarray(np.fft.irfft(spectrum, 2 * n, axis=0)[:n].T)
