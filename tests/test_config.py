@@ -282,6 +282,8 @@ def test_keys_that_do_not_belong(overrides, key):
         (["far_field=ewald", "ewald.grid=[16, 16, 16.0]"], "ewald.grid"),
         (["far_field=ewald", "ewald.grid=[16, 16, 6]", "ewald.support=8"], "ewald.grid"),
         (["far_field=ewald", "particles.number=1", "particles.volume_fraction=0.55"], "particles.number"),
+        (["far_field=ewald", "solver.far_tolerance=1e-2", "integrator.tolerance=1e-4"], "solver.far_tolerance"),
+        (["far_field=ewald", "integrator.tolerance=1e-5"], "solver.far_tolerance"),
         (["tolerance=0.1"], "tolerance"),
         (["integrator.method=rk2"], "integrator.step"),
         (["integrator.min_step=0.2"], "integrator.min_step"),

@@ -15,6 +15,7 @@ from typing import Any
 from suspend.config.schema import DENSEST_RANDOM, NEAR_SHARE
 from suspend.config.tree import Problems
 
+NOISE = 10.0  # largest far_tolerance over the integrator's: at 100 no step is accepted (N = 100, phi = 0.3)
 HARMONICS = 9  # analysed of the stress; a Fourier sum of n samples resolves harmonics below n/2
 DENSEST_WITH_GAP = 0.62  # of a random packing, its minimum gap counted as part of the spheres
 
@@ -36,6 +37,7 @@ def check_consistency(values: Values, places: dict[str, str], problems: Problems
     ):  # fmt: skip
         check(values, complain)
     _resolve_tolerances(values)
+    _noise(values, complain)
 
 
 def _all(section: Values | None, *names: str) -> list | None:
@@ -125,6 +127,19 @@ def _resolve_tolerances(values: Values) -> None:
     for section, name, share in shares:
         if values[section] is not None and values[section].get(name, 0.0) is None:
             values[section][name] = share * tolerance
+
+
+def _noise(values: Values, complain: Complain) -> None:
+    found = _all(values["solver"], "far_tolerance"), _all(values["integrator"], "tolerance")
+    if values.get("far_field") != "ewald" or not all(found) or values["integrator"].get("step") is not None:
+        return
+    far, step = found[0][0], found[1][0]
+    if far > NOISE * step:
+        complain(
+            "solver.far_tolerance",
+            f"found {far:g}; must be at most {NOISE:g} x integrator.tolerance, {step:g}: the error of the solve would"
+            " be taken for the step's, and no step be small enough. Lower it, or set `tolerance` alone",
+        )
 
 
 def _lubrication(values: Values, complain: Complain) -> None:
