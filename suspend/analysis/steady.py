@@ -1,6 +1,6 @@
 """Averages of correlated series of cycles: mean, error bar, drift test.
 
-Model: over a reference window (the last half of the run, or the averaged cycles if they are more) a series is a
+Model: over a reference window (the last half of the run, the averaged cycles or four, whichever is most) a series is a
 quadratic trend plus stationary noise whose correlation decays as rho^|k| from cycle to cycle (AR(1)). rho is the
 lag-one autocorrelation of the residuals, corrected for the bias of short detrended series,
 rho = (n r_1 + p)/(n - 2 - p) with p coefficients of the trend (Kendall 1954, and each further coefficient
@@ -27,6 +27,7 @@ from scipy.special import stdtr
 SIGNIFICANCE = 0.01  # of the drift test: a trend with a smaller p-value counts as drift
 _TREND = 2  # degree of the trend that is removed before the correlation is measured
 _SHORT = 8  # fewer cycles cannot show their correlation: a straight line, independent noise
+_LEAST = 4  # cycles in the reference window where the run has them
 _ROUNDING = 1e-12  # of the largest value: changes below are round-off of a constant
 
 
@@ -65,7 +66,7 @@ def steady_average(values: np.ndarray, last: int, significance: float = SIGNIFIC
         raise ValueError(f"an average over the last {last} of {len(values)} values")
     window = values[len(values) - last :]
     window = window[np.isfinite(window)]
-    reference = values[len(values) - max(last, len(values) - len(values) // 2) :]
+    reference = values[-max(last, len(values) - len(values) // 2, min(len(values), _LEAST)) :]
     reference = reference[np.isfinite(reference)]
     m, n = len(window), len(reference)
     mean = float(window.mean()) if m else math.nan
