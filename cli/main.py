@@ -61,6 +61,8 @@ Examples:
   suspend analyze runs/demo
   suspend analyze runs/demo --csv moduli.csv --plot moduli.pdf
   suspend analyze runs/demo --json | jq .averages
+  suspend analyze runs/phi0.4_*                   many runs: values against amplitude, gamma_c
+  suspend analyze runs/phi* --csv runs.csv        one row a run
 """
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 120}
@@ -154,7 +156,7 @@ def _print_result(result, as_json: bool) -> None:
 
 
 @cli.command(epilog=ANALYZE_EPILOG)
-@click.argument("path", metavar="RUN", type=click.Path())
+@click.argument("paths", metavar="RUN...", nargs=-1, required=True, type=click.Path())
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
 @click.option("--csv", "csv_path", type=click.Path(), metavar="FILE", help="Write the columns to a CSV file.")
 @click.option(
@@ -165,11 +167,21 @@ def _print_result(result, as_json: bool) -> None:
     help="Draw Lissajous curves and the evolution over cycles (.png, .pdf).",
 )
 @click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
-def analyze(path, as_json, csv_path, plot_path, last) -> None:
+def analyze(paths, as_json, csv_path, plot_path, last) -> None:
     """Print the moduli, normal stresses and diffusivity of every cycle.
 
-    RUN is the folder of a run, which may still be going on.
+    RUN is the folder of a run, which may still be going on. Of several runs, or a folder that holds them: values
+    of the last cycles against amplitude for each volume fraction, the four signatures of the transition, gamma_c.
     """
+    from suspend.analysis.run_paths import find_runs
+
+    runs = find_runs(paths)
+    if len(runs) > 1:
+        if plot_path is not None:
+            raise click.UsageError("--plot draws one run; `suspend plot` draws several")
+        _analyze_many(runs, as_json, csv_path, last)
+        return
+    path = runs[0]
     from suspend.analysis.summary import analyze as analyze_run
 
     analysis = analyze_run(path, last=last)
@@ -187,6 +199,24 @@ def analyze(path, as_json, csv_path, plot_path, last) -> None:
         click.echo(to_json(analysis.as_dict()))
     else:
         click.echo(analysis.table().rstrip("\n"))
+
+
+def _analyze_many(paths, as_json, csv_path, last) -> None:
+    from suspend.analysis.collection import Collection
+    from suspend.analysis.collection_text import format_collection
+    from suspend.analysis.phase_diagram import PhaseDiagram
+
+    collection = Collection(last=last).compute(paths)
+    diagram = PhaseDiagram().compute(collection)
+    if csv_path is not None:
+        collection.write_csv(csv_path)
+        click.echo(f"one row a run written to {csv_path}", err=True)
+    if as_json:
+        from suspend_cli.report import to_json
+
+        click.echo(to_json({"collection": collection.summary(), "phase_diagram": diagram.summary()}))
+    else:
+        click.echo(format_collection(collection, diagram))
 
 
 @cli.command(

@@ -25,8 +25,8 @@ class SelfDiffusion(Quantity):
     with unwrapped y; the integral is the trapezoidal rule in strain over all stored frames. That is exact where y is
     constant or changes linearly in between. A y that diffuses between frames h of strain apart leaves
     D_yy h^2/12 in D_xx and nothing in D_yy, D_zz (`quadrature_bias`; store frames more often to lower it:
-    output.position_phases). Oscillatory shear: cycle starts only, at equal strain, where the flow displaces nothing; this
-    is the diffusivity over all cycles, not D_cyc. No flow: strain is time x reference rate.
+    output.position_phases). Oscillatory shear: cycle starts only, at equal strain, where the flow displaces nothing;
+    this is the diffusivity over all cycles, not D_cyc. No flow: strain is time x reference rate.
     All displacements are relative to the mean one, and averaged over spheres and origins.
 
     start : strain before which nothing is used. window : range of lags (low, high), in strain, of the straight-line
@@ -56,7 +56,7 @@ class SelfDiffusion(Quantity):
             kept.append((position - position.mean(axis=0)) / scales["radius"])
         if len(kept) < 4:
             raise ConfigurationError(
-                f"{run.path}: {len(kept)} frames from strain {self.start:g} on; mean square displacements need 4 or more"
+                f"{run.path}: {len(kept)} frames from strain {self.start:g} on; 4 or more are needed"
             )
         interval = np.diff(times)
         if np.ptp(interval) > _UNEVEN * interval.mean():

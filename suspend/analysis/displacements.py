@@ -38,8 +38,7 @@ def cycle_starts(run: Run) -> Iterator[np.ndarray]:
     chunk = max(1, _FRAME_BYTES // (24 * int(run.meta["number"])))
     wanted = run.cycles + 1
     for frames in run.cycle_start_unwrapped(chunk):
-        for frame in frames[:wanted]:
-            yield frame
+        yield from frames[:wanted]
         wanted -= min(len(frames), wanted)
         if wanted == 0:
             return
@@ -65,7 +64,7 @@ def require_spheres(run: Run, least: int = 2) -> None:
     number = int(run.meta["number"])
     if number < least:
         raise ConfigurationError(
-            f"{run.path}: {number} sphere(s); displacements are taken relative to their mean, which needs {least} or more"
+            f"{run.path}: {number} sphere(s); displacements relative to their mean need {least} or more"
         )
 
 
@@ -237,7 +236,7 @@ class DisplacementCloud(Quantity):
 
 
 def frame_number(run: Run, cycle: int, phase: float) -> int:
-    """Number of the frame at `phase` (0 to 1) of `cycle`, for `Run.frame`; ConfigurationError where it is not stored."""
+    """Number of the frame at `phase` (0 to 1) of `cycle`, for `Run.frame`; an error where it is not stored."""
     if abs(phase - 1.0) < _SAME_PHASE:
         cycle, phase = cycle + 1, 0.0
     cycles, phases = run.series("frame_cycle"), run.series("frame_phase")

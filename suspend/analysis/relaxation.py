@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -16,6 +17,7 @@ from suspend.errors import ConfigurationError
 from suspend.io import Run
 
 LEAST_CYCLES = 8  # for the choice between decays
+_START = 0.05  # of the run
 _EXACT = 1e-7  # rms residual of ln D below which a fit counts as exact
 _LARGEST_EXPONENT = 5.0  # a power law steeper than this cannot be told from an exponential
 _SHAPES = {  # name: (family, decaying parameters, plateau)
@@ -32,7 +34,7 @@ class DecayFit:
     """One form of D_cyc(gamma_tot), fitted to ln D_cyc.
 
     initial, plateau : D_0 and D_inf of D = D_0 f + D_inf (0 where absent); strain : the scale tau in
-    f = exp(-gamma_tot/tau) or (1 + gamma_tot/tau)^-exponent; residual : rms of ln D; criterion : BIC (see `Relaxation`).
+    f = exp(-gamma_tot/tau) or (1 + gamma_tot/tau)^-exponent; residual : rms of ln D; criterion : BIC.
     """
 
     name: str
@@ -73,10 +75,11 @@ class DecayFit:
 class Relaxation(Quantity):
     """Decay of D_cyc with accumulated strain, and the state of the run at its end.
 
-    Forms: steady D_inf; D_0 exp(-gamma/tau) and D_0 (1 + gamma/tau)^-alpha (alpha <= 5), each with and without a plateau
-    D_inf, least squares in ln D. The lowest BIC = m ln(RSS/n) + k ln m wins, k parameters, n cycles, m = n/(autocorrelation
-    time of the residuals). A family (steady, exponential, power law) is named only where its best BIC is lower than that
-    of every other family by `margin` (6: strong evidence in the scale of Kass & Raftery 1995); else it is "undecided".
+    Forms: steady D_inf; D_0 exp(-gamma/tau) and D_0 (1 + gamma/tau)^-alpha (alpha <= 5), each with and without
+    a plateau D_inf, least squares in ln D. The lowest BIC = m ln(RSS/n) + k ln m wins: k parameters, n cycles,
+    m = n/(autocorrelation time of the residuals). A family (steady, exponential, power law) is named only where its
+    best BIC is lower than that of every other family by `margin` (6: strong evidence in the scale of Kass & Raftery
+    1995); else it is "undecided".
 
     State, from the last half of the run: s = d ln D_cyc/d ln gamma_tot by least squares with error e (residuals'
     autocorrelation included).
@@ -86,11 +89,12 @@ class Relaxation(Quantity):
     slope : 0.5 by default, between a steady state (0) and the decay of activity at a critical point of conserved
     directed percolation in three dimensions (0.84). floor : D_cyc that errors of the steps alone can make; by default
     (position error)^2/(8 gamma0), from the estimate stored with the run (0 where none is).
-    start : total strain from which D_cyc is used for the fits.
+    start : total strain from which D_cyc is fitted; by default a twentieth of the run, so that the first collapse of a
+    random packing does not decide over the form of what follows (0 uses everything).
     """
 
-    def __init__(self, margin: float = 6.0, slope: float = 0.5, floor: float | None = None, start: float = 0.0):
-        if not (margin >= 0.0 and slope > 0.0 and start >= 0.0 and (floor is None or floor >= 0.0)):
+    def __init__(self, margin: float = 6.0, slope: float = 0.5, floor: float | None = None, start: float | None = None):
+        if not (margin >= 0.0 and slope > 0.0 and (start or 0.0) >= 0.0 and (floor or 0.0) >= 0.0):
             raise ConfigurationError("margin, floor and start must not be negative, slope must be positive")
         self.margin, self.slope, self.floor, self.start = margin, slope, floor, start
 
@@ -110,27 +114,28 @@ class Relaxation(Quantity):
         self._strain, self._values = total_strain[usable], d_cyc[usable]
         self._zero, self._still = int(np.sum(d_cyc == 0.0)), d_cyc.size > 0 and d_cyc[-1] == 0.0
         self._floor = floor
-        late = self._strain >= self.start
-        self._fits = fit_decays(self._strain[late], self._values[late])
+        self.__dict__.pop("fits", None)
         self._slope, self._slope_error, self._final = _late_slope(self._strain, self._values)
         return self
 
-    @property
+    @cached_property
     def fits(self) -> dict[str, DecayFit]:
-        """All fitted forms by name, lowest BIC first; empty with fewer than 8 cycles."""
-        return self._fits
+        """All fitted forms by name, lowest BIC first; empty with fewer than 8 cycles. Made when first asked for."""
+        end = float(self._strain[-1]) if len(self._strain) else 0.0
+        late = self._strain >= (_START * end if self.start is None else self.start)
+        return fit_decays(self._strain[late], self._values[late])
 
     @property
     def best(self) -> DecayFit | None:
         """The form of lowest BIC, whether or not the family is decided."""
-        return next(iter(self._fits.values()), None)
+        return next(iter(self.fits.values()), None)
 
     @property
     def family(self) -> str:
         """steady, exponential, power law or undecided."""
         if self.best is None:
             return "undecided"
-        others = [fit.criterion for fit in self._fits.values() if fit.family != self.best.family]
+        others = [fit.criterion for fit in self.fits.values() if fit.family != self.best.family]
         return self.best.family if min(others) - self.best.criterion >= self.margin else "undecided"
 
     @property
@@ -138,7 +143,7 @@ class Relaxation(Quantity):
         """Difference of BIC between the best form of another family and the best form; NaN without fits."""
         if self.best is None:
             return math.nan
-        return min(f.criterion for f in self._fits.values() if f.family != self.best.family) - self.best.criterion
+        return min(f.criterion for f in self.fits.values() if f.family != self.best.family) - self.best.criterion
 
     @property
     def relaxation_strain(self) -> float:
@@ -172,6 +177,8 @@ class Relaxation(Quantity):
         notes = []
         if self.best is None:
             notes.append(f"{len(self._values)} usable cycle(s): {LEAST_CYCLES} are needed to compare decays")
+        elif self.family == "power law" and self.best.relaxation_strain < self._strain[0]:
+            notes.append("the power law holds from the first cycle on: its relaxation strain is not resolved")
         if self._zero:
             notes.append(f"{self._zero} cycle(s) without any displacement are left out of the fits")
         if not self._still and self._final <= self._floor:
