@@ -64,11 +64,14 @@ def wrap(positions: np.ndarray, length: float, tilt: float = 0.0) -> np.ndarray:
     return x
 
 
-def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float = 0.0) -> Pairs:
-    """All directed pairs with centre distance <= reach, every periodic image included (a sphere's own too).
+def periodic_images(
+    positions: np.ndarray, length: float, reach: float, tilt: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Wrapped positions (N,3), all their images closer than `reach` to the cell (M,3), and whose they are (M,).
 
-    positions (N,3), any units, equal to those of length and reach; tilt any real number. Images of the cell
-    within reach are laid around it and searched with a k-d tree, so reach may exceed L/2.
+    The images include the positions themselves. A k-d tree of them answers any question about distances up
+    to `reach` from points of the cell; scipy's own periodic tree (boxsize) knows rectangular cells only, where
+    a neighbour across a sheared face would be looked for at the wrong x.
     """
     x = wrap(positions, length, tilt)
     fractions = np.column_stack([(x[:, 0] - tilt * x[:, 1]) / length, x[:, 1] / length, x[:, 2] / length])
@@ -82,7 +85,16 @@ def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float
         near = np.flatnonzero(np.all((f >= -margin - 1e-9) & (f <= 1.0 + margin + 1e-9), axis=1))
         ghosts.append(x[near] + image @ vectors)
         owners.append(near)
-    ghost, owner = np.concatenate(ghosts), np.concatenate(owners)
+    return x, np.concatenate(ghosts), np.concatenate(owners)
+
+
+def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float = 0.0) -> Pairs:
+    """All directed pairs with centre distance <= reach, every periodic image included (a sphere's own too).
+
+    positions (N,3), any units, equal to those of length and reach; tilt any real number. Images of the cell
+    within reach are laid around it and searched with a k-d tree, so reach may exceed L/2.
+    """
+    x, ghost, owner = periodic_images(positions, length, reach, tilt)
     tree, images = cKDTree(x), cKDTree(ghost)
     found = tree.sparse_distance_matrix(images, reach, output_type="ndarray")
     first, second = found["i"], owner[found["j"]]
@@ -182,9 +194,7 @@ def sixth_harmonics(vectors: np.ndarray) -> np.ndarray:
     return np.column_stack(columns)
 
 
-def bond_order(
-    positions: np.ndarray, length: float, tilt: float = 0.0, reach: float = BOND_RANGE
-) -> BondOrder:
+def bond_order(positions: np.ndarray, length: float, tilt: float = 0.0, reach: float = BOND_RANGE) -> BondOrder:
     """Steinhardt bond order of degree 6 with neighbours closer than `reach`.
 
     global_q6  |<Y6(bond)>| over all bonds: fcc 0.5745, hcp 0.4848, sc 0.3536 (nearest neighbours); of the
@@ -195,8 +205,11 @@ def bond_order(
         shows crystallites that point in different directions, which the global order averages away
     All zero without bonds. positions (N,3) and reach in the units of length.
     """
-    n = len(positions)
-    pairs = pairs_within(positions, length, reach, tilt)
+    return bond_order_of_pairs(pairs_within(positions, length, reach, tilt), len(positions))
+
+
+def bond_order_of_pairs(pairs: Pairs, n: int) -> BondOrder:
+    """`bond_order` of n spheres whose bonds are known."""
     if len(pairs.distance) == 0:
         return BondOrder(0.0, 0.0, 0.0, 0)
     harmonics = sixth_harmonics(pairs.vector)
