@@ -11,6 +11,7 @@ import pytest
 from synthetic_runs import configuration, oscillatory_record, steady_record, stress, write_run
 
 from suspend.analysis.dynamics import cyclic_diffusivities, cyclic_diffusivity, mean_square_displacement
+from suspend.analysis.steady import steady_average
 from suspend.analysis.summary import analyze
 from suspend.analysis.tables import shown_cycles
 from suspend.errors import ConfigurationError, StorageError
@@ -83,7 +84,8 @@ def test_analysis_of_a_stored_run(tmp_path):
     """Through the files: eta_r' = 4 + 1/(k + 1) and D_cyc of each cycle come back exactly (1e-12).
 
     The walk spreads every sphere by known distances: Delta = +-d_k along x, alternating, so that the mean is
-    zero and D_cyc = (d_k/a)^2/(8 gamma0). Averages: plain mean and s/sqrt(m) of the last cycles.
+    zero and D_cyc = (d_k/a)^2/(8 gamma0). Averages: plain mean of the last cycles, and the error and drift that
+    `steady_average` gives for the column (tested by itself): eta_r' is still falling, N1 is constant.
     """
     cycles, signs = 40, np.array([1.0, -1.0, 1.0, -1.0])
     distances = 0.3 * 0.9 ** np.arange(cycles)
@@ -97,9 +99,15 @@ def test_analysis_of_a_stored_run(tmp_path):
     np.testing.assert_allclose(result["N1_nu0_hydrodynamic"], -1.0, rtol=1e-12)
     average = result.averages()["eta_r_prime[-]"]
     assert average["mean"] == pytest.approx(expected[-5:].mean(), rel=1e-12)
-    assert average["standard_error"] == pytest.approx(expected[-5:].std(ddof=1) / math.sqrt(5), rel=1e-8)
+    steady = steady_average(expected, 5)
+    assert average["standard_error"] == pytest.approx(steady.error, rel=1e-6)
+    assert average["drift"] == pytest.approx(steady.change, rel=1e-6) and average["drifting"]
+    assert average["p_value"] == pytest.approx(steady.p_value, rel=1e-4) and steady.p_value < 0.01
+    assert not result.averages()["N1_nu0[eta0]"]["drifting"]
     assert average["change"] == pytest.approx(expected[-1] - expected[-5], rel=0.05)  # nearly straight there
-    assert result.notes == () and result.statistics["evaluations"] == 100 * cycles
+    (note,) = result.notes
+    assert "total strain 67.2 to 128" in note and "eta_r' by -0.0" in note and "paper's runs drift" in note
+    assert result.statistics["evaluations"] == 100 * cycles
     assert result.statistics["minimum_gap"] == pytest.approx(1e-3 / cycles)
     assert set(result.waveforms) == {0, cycles - 1}
     assert analyze(tmp_path / "run").last == 5  # an eighth of 40
@@ -130,9 +138,7 @@ def test_unfinished_run(tmp_path):
     walk = np.random.default_rng(7).normal(size=(4, 4, 3))
     result = analyze(oscillatory_run(tmp_path / "run", walk, 3, finished=False))
     assert np.isfinite(result.d_cyc[:2]).all() and np.isnan(result.d_cyc[2])
-    assert any("not finished" in note for note in result.notes) and any(
-        "D_cyc" in note for note in result.notes
-    )
+    assert any("not finished" in note for note in result.notes) and any("D_cyc" in note for note in result.notes)
     assert "Note:" in result.table()
     assert result.as_dict()["columns"]["D_cyc[-]"][2] is None
     assert result.averages()["D_cyc[-]"]["mean"] == pytest.approx(result.d_cyc[:2].mean())
@@ -163,9 +169,7 @@ def test_reversal_is_not_averaged_across(tmp_path):
     """Blocks before a reversal do not enter the default average: eta_r is 4 before, 6 after."""
     rate = {"rate": 2.0, "viscosity": 2.0}
     blocks = [(k, 1.0, 3.0) for k in range(3)] + [(k, -1.0, 5.0) for k in range(3, 9)]
-    records = [
-        steady_record(k, rate, stress(np.full(32, 4.0 * sign * value)), sign) for k, sign, value in blocks
-    ]
+    records = [steady_record(k, rate, stress(np.full(32, 4.0 * sign * value)), sign) for k, sign, value in blocks]
     flow = {"type": "reversal", "rate": 2.0, "reversal_strain": 3.0}
     path = write_run(tmp_path / "run", configuration(flow, {"strain": 9.0}), records, np.zeros((4, 3)))
     result = analyze(path)

@@ -88,8 +88,8 @@ def test_even_harmonics_are_left_out():
 def test_definition_by_tangents_and_secants(phase):
     """Fourier sums against the slopes and values of the sampled curve where Ewoldt et al. define them.
 
-    Random odd and even harmonics to 9 (decaying, as in suspensions), 64 samples anywhere in phase. Quintic splines
-    interpolate harmonic n with an error of order (2 pi n/64)^6 of it, their slope one order worse: 1e-3 at n = 9.
+    Random odd and even harmonics to 9 (decaying, as in suspensions), 64 samples anywhere in phase. Through
+    seven samples the slope of harmonic n is wrong by (2 pi n/64)^6/140 of n c_n, 0.3 % at n = 9 and 64 samples.
     """
     random = np.random.default_rng(11)
     orders = np.arange(1, 10)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -35,8 +35,7 @@ def mean_waveforms(run: Run, cycles: int | Sequence[int]) -> dict[str, np.ndarra
     numbers = _numbers(run, cycles)
     unit = scales["viscosity"] * scales["gamma0"] * scales["omega"]
     sums: dict[str, np.ndarray] = {}
-    for k in numbers:
-        record = next(cycle_samples(run, k, k + 1))
+    for record in _records(run, numbers):
         found = {"theta": cycle_theta(record, scales)}
         found["strain"] = np.asarray(record["strain"]) / scales["gamma0"]
         found["rate"] = np.asarray(record["rate"]) / (scales["gamma0"] * scales["omega"])
@@ -48,11 +47,18 @@ def mean_waveforms(run: Run, cycles: int | Sequence[int]) -> dict[str, np.ndarra
             phases = found["theta"]
         if len(phases) != len(found["theta"]) or np.abs(phases - found["theta"]).max(initial=0.0) > 1e-8:
             raise ConfigurationError(
-                f"cycle {k} of {run.path} is not sampled at the phases of cycle {numbers[0]}: samples are missing"
+                f"cycle {record['index']} of {run.path} is not sampled at the phases of cycle {numbers[0]}: samples "
+                "are missing"
             )
         for name, column in found.items():
             sums[name] += column / len(numbers)
     return sums
+
+
+def _records(run: Run, numbers: list[int]) -> Iterator[dict[str, Any]]:
+    breaks = np.flatnonzero(np.diff(numbers) != 1) + 1
+    for span in np.split(numbers, breaks):  # of consecutive cycles, which are read together
+        yield from cycle_samples(run, int(span[0]), int(span[-1]) + 1)
 
 
 def _numbers(run: Run, cycles: int | Sequence[int]) -> list[int]:

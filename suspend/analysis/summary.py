@@ -7,19 +7,28 @@ import io
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from suspend.analysis.dynamics import cyclic_diffusivities
+from suspend.analysis.laos import Laos
+from suspend.analysis.lissajous import mean_waveforms
+from suspend.analysis.moduli import Harmonics, Moduli, read_harmonics
+from suspend.analysis.normal_stresses import NormalStresses
 from suspend.analysis.rheology import block_row, cycle_row, normalised_signals
 from suspend.analysis.samples import cycle_samples, default_window, read_scales
+from suspend.analysis.spectrum import PowerSpectrum
+from suspend.analysis.steady import SIGNIFICANCE, SteadyAverage, steady_average
 from suspend.analysis.tables import format_analysis
 from suspend.errors import ConfigurationError
 from suspend.io import Run
 from suspend.io.files import replace_atomically, storage_errors, write_bytes
+
+_PAPER_DRIFT = 100.0  # total strain past which the paper still sees eta_r', eta_r'' change (gamma0 < 3.2)
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,8 @@ class Analysis:
     `block_row`; `analysis["eta_r_prime"]` is one column (the unit may be left out). `cycles` counts from 0,
     as `Run.cycle`. `last` is the number of cycles at the end over which averages are taken. `waveforms`
     holds the normalised signals of the first and the last cycle, `notes` what is missing or must be known to
-    read the numbers.
+    read the numbers. Oscillatory shear with a complete cycle has also `harmonics` (Fourier coefficients by part),
+    `laos` (Chebyshev measures) and `spectrum` (of the mean cycle); they are None otherwise.
     """
 
     path: str
@@ -42,6 +52,9 @@ class Analysis:
     waveforms: dict[int, dict[str, np.ndarray]] = field(default_factory=dict)
     statistics: dict[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    harmonics: Harmonics | None = None
+    laos: Laos | None = None
+    spectrum: PowerSpectrum | None = None
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Column `name` (cycles,), with or without "[unit]". Raises KeyError."""
@@ -73,16 +86,50 @@ class Analysis:
         """D_cyc of each cycle; NaN where it is not known."""
         return self["D_cyc"]
 
-    def averages(self) -> dict[str, dict[str, float]]:
-        """Mean, standard error and change of each column over the last `last` cycles.
+    @cached_property
+    def steady(self) -> dict[str, SteadyAverage]:
+        """Average of each column over the last `last` cycles by name without unit: error bar, drift test.
 
-        The standard error s/sqrt(m) takes cycles as independent, so it is too small where they are
-        correlated; `change` is the slope of a straight line through the values times the length of the
-        window: larger than the error, the run is still evolving. NaN where too few values exist (error: 2,
-        change: 3).
+        Where the harmonics are known, ratios are those of averages and |nu_n| magnitudes of the average nu_n. Blocks
+        before the last reversal of the shear enter only where `last` reaches back to them.
         """
-        names = [name for name in self.columns if name not in ("total_strain[-]", "shear_rate[rate]")]
-        return {name: _average(self[name][len(self.values) - self.last :]) for name in names}
+        if not self.last:
+            return {}
+        begin = min(_direction_begins(self.columns, self.values), len(self.values) - self.last)
+        names = [name.partition("[")[0] for name in self.columns]
+        found = {
+            name: steady_average(self[name][begin:], self.last)
+            for name in names
+            if name not in ("total_strain", "shear_rate")
+        }
+        if self.harmonics is not None:
+            better = Moduli().use(self.harmonics).steady() | NormalStresses().use(self.harmonics).steady()
+            found |= {name: better[name] for name in found if name in better}
+        return found
+
+    def averages(self) -> dict[str, dict[str, float]]:
+        """By column: mean, standard_error and change over the last `last` cycles, and the drift test.
+
+        standard_error includes the correlation between cycles (see `suspend.analysis.steady`), `effective` is the
+        number of independent cycles that amounts to; `change` is the slope of a straight line through the averaged
+        values times the length of their window: larger than the error, the run is still evolving. `drift` is the
+        like change over the last half of the run, `p_value` the probability of such a trend without drift,
+        `drifting` whether that is below 1 %. NaN where too few values exist (error, change: 3, p_value: 4).
+        """
+        rows = {}
+        for column in self.columns:
+            found = self.steady.get(column.partition("[")[0])
+            if found is not None:
+                rows[column] = {
+                    "mean": found.mean,
+                    "standard_error": found.error,
+                    "change": _change(self[column][len(self.values) - self.last :]),
+                    "effective": found.effective,
+                    "drift": found.change,
+                    "p_value": found.p_value,
+                    "drifting": found.drifting,
+                }
+        return rows
 
     def table(self) -> str:
         """Text for the terminal: moduli per cycle, averages, harmonics, parts, cost, notes."""
@@ -97,8 +144,30 @@ class Analysis:
             "cycles": len(self.values),
             "columns": {name: _plain(self[name].tolist()) for name in self.columns},
             "averages": {"cycles": self.last, "quantities": _plain(self.averages())},
+            "drift": _plain(self._drift()),
+            **{name: _plain(content) for name, content in self._measures().items()},
             "statistics": _plain(self.statistics),
             "notes": list(self.notes),
+        }
+
+    def _drift(self) -> dict[str, Any]:
+        tested = {name: found for name, found in self.steady.items() if math.isfinite(found.p_value)}
+        reference = max((found.reference for found in tested.values()), default=0)
+        return {
+            "cycles": reference,
+            "significance": SIGNIFICANCE,
+            "tested": len(tested),
+            "drifting": [name for name, found in tested.items() if found.drifting],
+        }
+
+    def _measures(self) -> dict[str, Any]:
+        if self.harmonics is None:
+            return {}
+        spectrum = self.spectrum.table() | {"harmonic": self.spectrum.orders}
+        return {
+            "normal_stresses": NormalStresses().use(self.harmonics).summary(),
+            "laos": self.laos.summary(),
+            "spectrum": self.spectrum.summary() | {name: row.tolist() for name, row in spectrum.items()},
         }
 
     def write_csv(self, path: os.PathLike | str) -> None:
@@ -145,7 +214,15 @@ def analyze_run(run: Run, last: int | None = None, path: str = "") -> Analysis:
         values[:, columns.index("D_cyc[-]")] = d_cyc
         notes += _diffusivity_notes(run, d_cyc)
     window = last if last is not None else _default_window(columns, values)
-    return Analysis(path, flow, scales, columns, values, window, waveforms, _cost(run), tuple(notes))
+    content = (path, flow, scales, columns, values, window, waveforms, _cost(run))
+    if not rows or flow != "oscillatory":
+        analysis = Analysis(*content)
+    else:
+        mean = mean_waveforms(run, window)
+        harmonics = read_harmonics(run, window)
+        laos, spectrum = Laos().use(harmonics).use_waveform(mean), PowerSpectrum().use_waveform(mean)
+        analysis = Analysis(*content, harmonics=harmonics, laos=laos, spectrum=spectrum)
+    return replace(analysis, notes=(*notes, *_drift_notes(analysis)))
 
 
 def _diffusivities(run: Run, scales: Mapping) -> np.ndarray:
@@ -156,13 +233,38 @@ def _diffusivities(run: Run, scales: Mapping) -> np.ndarray:
 
 
 def _default_window(columns: tuple[str, ...], values: np.ndarray) -> int:
-    usable = len(values)
-    if "shear_rate[rate]" in columns and usable:  # do not average across a reversal
-        direction = np.sign(values[:, columns.index("shear_rate[rate]")])
-        changed = np.flatnonzero(direction != direction[-1])
-        usable -= changed[-1] + 1 if changed.size else 0
-        return int(max(usable // 2, 1))
-    return default_window(usable)
+    if "shear_rate[rate]" in columns and len(values):  # do not average across a reversal
+        return int(max((len(values) - _direction_begins(columns, values)) // 2, 1))
+    return default_window(len(values))
+
+
+def _direction_begins(columns: tuple[str, ...], values: np.ndarray) -> int:
+    """First block after the last reversal of the shear."""
+    if "shear_rate[rate]" not in columns or not len(values):
+        return 0
+    direction = np.sign(values[:, columns.index("shear_rate[rate]")])
+    changed = np.flatnonzero(direction != direction[-1])
+    return int(changed[-1]) + 1 if changed.size else 0
+
+
+def _drift_notes(analysis: Analysis) -> list[str]:
+    """Whether the averages are those of a steady state."""
+    names = {"eta_r_prime": "eta_r'", "eta_r_double_prime": "eta_r''", "eta_r": "eta_r", "N2_nu0": "N2:nu0"}
+    found = {label: analysis.steady[name] for name, label in names.items() if name in analysis.steady}
+    tested = {label: each for label, each in found.items() if math.isfinite(each.p_value)}
+    end = analysis.total_strain[-1] if found else 0.0
+    like = "; the paper's runs drift past total strain 100 too" if analysis.oscillatory and end > _PAPER_DRIFT else ""
+    if any(each.drifting for each in tested.values()):
+        changes = ", ".join(
+            f"{label} by {each.change:.2g} (now {each.mean:.4g})" for label, each in tested.items() if each.drifting
+        )
+        begin = analysis.total_strain[len(analysis.values) - next(iter(tested.values())).reference]
+        return [f"not steady: from total strain {begin:.4g} to {end:.4g} there is a drift of {changes}{like}"]
+    if found and not tested:
+        return ["too few cycles for a test of drift: the state may still be evolving"]
+    if found and analysis.oscillatory and end < _PAPER_DRIFT:
+        return [f"no drift was found, but total strain {end:.4g} is short: the paper's runs drift past 100"]
+    return []
 
 
 def _progress_notes(run: Run, flow: str) -> list[str]:
@@ -192,17 +294,11 @@ def _cost(run: Run) -> dict[str, float]:
     return {name: reduce.get(name, np.sum)(column).item() for name, column in columns.items() if len(column)}
 
 
-def _average(values: np.ndarray) -> dict[str, float]:
+def _change(values: np.ndarray) -> float:
     order = np.flatnonzero(np.isfinite(values))
-    values, count = values[order], len(order)
-    change = math.nan
-    if count > 2:
-        change = float(np.polyfit(order, values, 1)[0] * (order[-1] - order[0]))
-    return {
-        "mean": float(values.mean()) if count else math.nan,
-        "standard_error": float(values.std(ddof=1) / math.sqrt(count)) if count > 1 else math.nan,
-        "change": change,
-    }
+    if len(order) < 3:
+        return math.nan
+    return float(np.polyfit(order, values[order], 1)[0] * (order[-1] - order[0]))
 
 
 def _plain(value: Any) -> Any:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspend.analysis.rheology import HARMONICS, PARTS
+from suspend.analysis.normal_stresses import NormalStresses
+from suspend.analysis.rheology import HARMONICS
 
 if TYPE_CHECKING:
     from suspend.analysis.summary import Analysis
@@ -57,10 +59,10 @@ def format_analysis(analysis: Analysis) -> str:
     if len(analysis.values):
         sections.append(_cycles(analysis))
         if analysis.oscillatory:
-            sections += [_harmonics(analysis), _parts(analysis)]
+            sections += [_harmonics(analysis), _parts(analysis), _laos(analysis)]
     if analysis.statistics and len(analysis.values):
         sections.append(_cost(analysis))
-    sections += ["Note: " + note for note in analysis.notes]
+    sections += [textwrap.fill("Note: " + note, 110, break_long_words=False) for note in analysis.notes]
     return "\n\n".join(sections)
 
 
@@ -108,35 +110,75 @@ def _cycles(analysis: Analysis) -> str:
     averages = {name.partition("[")[0]: value for name, value in analysis.averages().items()}
     lines.append(f"last {analysis.last} {_plural(unit, analysis.last)}:")
     kinds = (("mean", "mean"), ("+-", "standard_error"), ("change", "change"))
-    for label, kind in kinds[: min(analysis.last, 3)]:  # an error needs two values, a trend three
-        cells = [_number(averages[name][kind]) if name in averages else " " * 10 for _, name in layout]
-        lines.append(label.rjust(8) + "".join(" " + cell for cell in cells))
-    lines.append(f"(+-: standard error, {unit}s taken as independent; change: linear trend over them)")
+    for label, kind in kinds[: min(analysis.last, 3)]:  # a trend needs three values
+        lines.append(label.rjust(8) + _cells(averages, layout, kind))
+    reference = max((found.reference for found in analysis.steady.values()), default=0)
+    if reference >= 4:
+        lines.append("p".rjust(8) + _cells(averages, layout, "p_value"))
+    lines.append(f"(+-: standard error, correlation between {unit}s included; change: linear trend over them;")
+    lines.append(
+        f" p: chance of the trend over the last {reference} {unit}s if the state is steady, drift where < 0.01)"
+    )
     return "\n".join(lines)
+
+
+def _cells(averages: dict[str, dict[str, float]], layout, kind: str) -> str:
+    return "".join(" " + (_number(averages[n][kind]) if n in averages else " " * 10) for _, n in layout)
 
 
 def _harmonics(analysis: Analysis) -> str:
     averages = {name.partition("[")[0]: value for name, value in analysis.averages().items()}
+    spectrum = abs(analysis.spectrum.coefficients["shear"])
     lines = [f"Harmonics of sigma_xy, mean of the last {analysis.last}:"]
-    lines.append("       n" + "".join(f" {head:>10}" for head in ("eta_n'", "+-", "G_n'", "+-")))
+    lines.append("       n" + "".join(f" {head:>10}" for head in ("eta_n'", "+-", "G_n'", "+-", "I_n/I_1")))
     for n in range(1, HARMONICS + 1):
         viscous, elastic = averages[f"eta{n}_prime"], averages[f"G{n}_prime"]
-        cells = (viscous["mean"], viscous["standard_error"], elastic["mean"], elastic["standard_error"])
+        cells = [viscous["mean"], viscous["standard_error"], elastic["mean"], elastic["standard_error"]]
+        cells.append(spectrum[n] / spectrum[1] if spectrum[1] else math.nan)
         lines.append(f"{n:8d}" + "".join(" " + _number(cell) for cell in cells))
+    fifth = averages["eta5_over_eta1"]
+    lines.append(f"eta_5'/eta_1' = {fifth['mean']:.4g}" + _error(fifth["standard_error"]))
     return "\n".join(lines)
 
 
+def _error(value: float) -> str:
+    return f" +- {value:.1g}" if math.isfinite(value) else ""
+
+
 def _parts(analysis: Analysis) -> str:
-    averages = {name.partition("[")[0]: value["mean"] for name, value in analysis.averages().items()}
-    layout = ("eta1_prime", "G1_prime", "N1_nu0", "N2_nu0", "N2_nu2_abs", "N2_nu4_abs")
-    heads = ("eta_1'", "G_1'", "N1:nu0", "N2:nu0", "N2:|nu2|", "N2:|nu4|")
+    steady = analysis.steady | NormalStresses().use(analysis.harmonics).steady()
+    layout = ("eta1_prime", "G1_prime", "N1_nu0", "N2_nu0", "N2_nu2_abs", "N2_nu4_abs", "N2_nu4_over_nu2")
+    heads = ("eta_1'", "G_1'", "N1:nu0", "N2:nu0", "N2:|nu2|", "N2:|nu4|", "|nu4/nu2|")
     lines = [f"Parts, mean of the last {analysis.last} (total = fluid + hydrodynamic + interparticle):"]
     lines.append(" " * 16 + "".join(f" {head:>10}" for head in heads))
-    lines.append("total".ljust(16) + "".join(" " + _number(averages[name]) for name in layout))
-    for part in PARTS:
-        if f"eta1_prime_{part}" in averages:
-            cells = "".join(" " + _number(averages[f"{name}_{part}"]) for name in layout)
-            lines.append(_PART_NAMES[part].ljust(16) + cells)
+    for part in analysis.harmonics.parts:
+        tail = "" if part == "total" else "_" + part
+        found = [steady[name + tail] for name in layout]
+        name = _PART_NAMES.get(part, part)
+        lines.append(name.ljust(16) + "".join(" " + _number(each.mean) for each in found))
+        if any(math.isfinite(each.error) for each in found):
+            lines.append("+-".rjust(16) + "".join(" " + _number(each.error) for each in found))
+    return "\n".join(lines)
+
+
+def _laos(analysis: Analysis) -> str:
+    """Measures of Ewoldt, Hosoi & McKinley 2008 of the total and the parts; the tangents also from the curve itself."""
+    layout = ("e3_over_e1", "v3_over_v1", "G_M", "G_L", "eta_M", "eta_L", "S", "T")
+    heads = ("e3/e1", "v3/v1", "G_M'", "G_L'", "eta_M'", "eta_L'", "S", "T")
+    lines = [f"Large-amplitude measures (Ewoldt, Hosoi & McKinley 2008), mean of the last {analysis.last}:"]
+    lines.append(" " * 16 + "".join(f" {head:>10}" for head in heads))
+    for part in analysis.laos.parts:
+        found = [analysis.laos.steady(part)[name] for name in layout]
+        lines.append(_PART_NAMES.get(part, part).ljust(16) + "".join(" " + _number(each.mean) for each in found))
+        if part == "total":
+            if any(math.isfinite(each.error) for each in found):
+                lines.append("+-".rjust(16) + "".join(" " + _number(each.error) for each in found))
+            direct = [analysis.laos.direct.get(name, None) for name in layout]
+            cells = (" " * 11 if value is None else " " + _number(value) for value in direct)
+            lines.append("from the curve".rjust(16) + "".join(cells).rstrip())
+    lines.append(
+        f"(sums over harmonics to {HARMONICS}; 'from the curve': tangents and secants of the mean curve itself)"
+    )
     return "\n".join(lines)
 
 
@@ -151,4 +193,5 @@ def _cost(analysis: Analysis) -> str:
         "wall_time": "wall time (s)",
     }
     found = {name: value for name, value in analysis.statistics.items() if name in labels}
-    return "Cost: " + "; ".join(f"{labels[name]} {value:.4g}" for name, value in found.items())
+    text = "Cost: " + "; ".join(f"{labels[name]} {value:.4g}" for name, value in found.items())
+    return textwrap.fill(text, 110)
