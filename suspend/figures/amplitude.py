@@ -2,117 +2,177 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.analysis.collection import Series
 from suspend.figures.panel import Columns, Panel, labelled, stack
-from suspend.figures.runs import Point, Runs, oscillatory, points
+from suspend.figures.runs import Runs
 from suspend.figures.style import BLACK, curve_style, errors_or_none, log_axis_of, number, zero_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Curves = dict[tuple[float, bool], list[Point]]  # (phi, far field) -> points in the order of the amplitude
 GAMMA0 = r"strain amplitude $\gamma_0$"
+_FILLS = ("none", "full", "left", "top", "right", "bottom")  # of markers, one for each setup
 
 
-def curves_of(runs: Runs, column: str) -> Curves:
-    """The column of every family of runs."""
-    return {key: points(groups, column) for key, groups in oscillatory(runs).families().items()}
+@dataclass(frozen=True)
+class Curve:
+    """One quantity of one series of runs against amplitude; the value is NaN where it is not known."""
+
+    phi: float
+    setup: str
+    far_field: bool
+    gamma0: np.ndarray
+    value: np.ndarray
+    error: np.ndarray
+    runs: np.ndarray
+
+    @property
+    def known(self) -> np.ndarray:
+        """Where there is a value."""
+        return np.isfinite(self.value)
 
 
-def curve_table(curves: Curves, name: str, unit: str = "-") -> Columns:
-    """One row a point: phi, amplitude, far field or not, value, error, number of runs."""
+def curves_of(runs: Runs, name: str) -> list[Curve]:
+    """A quantity of `suspend.analysis.collection` for every series of the runs."""
+    return [_curve(s, s.mean(name), s.error(name)) for s in runs.collection.series]
+
+
+def curves_by(runs: Runs, evaluate: Callable[[str], tuple[float, float]]) -> list[Curve]:
+    """As `curves_of`, for a value and its error from the path of each run; over seeds the mean and its error."""
+    found = []
+    for series in runs.collection.series:
+        values, errors = [], []
+        for group in series.groups:
+            each, own = np.array([evaluate(member.path) for member in group]).T
+            values.append(each.mean())
+            errors.append(each.std(ddof=1) / np.sqrt(len(each)) if len(each) > 1 else own[0])
+        found.append(_curve(series, np.array(values), np.array(errors)))
+    return found
+
+
+def _curve(series: Series, value: np.ndarray, error: np.ndarray) -> Curve:
+    far = series.groups[0][0].setup.get("far_field") == "ewald"
+    return Curve(series.phi, series.setup, far, series.gamma0, value, error, series.runs)
+
+
+def curve_table(curves: list[Curve], name: str, unit: str = "-") -> Columns:
+    """One row a point: phi, setup (where there are several), amplitude, value, error, number of runs."""
+    several = len({c.setup for c in curves}) > 1
     return stack(
         [
             labelled(
-                {"phi[-]": phi, "far_field[bool]": int(far)},
+                {"phi[-]": c.phi, "far_field[bool]": int(c.far_field)} | ({"setup": c.setup} if several else {}),
                 {
-                    "gamma0[-]": np.array([p.gamma0 for p in found], float),
-                    f"{name}[{unit}]": np.array([p.value for p in found], float),
-                    f"{name}_error[{unit}]": np.array([p.error for p in found], float),
-                    "runs[-]": np.array([p.runs for p in found], int),
+                    "gamma0[-]": c.gamma0,
+                    f"{name}[{unit}]": c.value,
+                    f"{name}_error[{unit}]": c.error,
+                    "runs[-]": c.runs,
                 },
             )
-            for (phi, far), found in curves.items()
+            for c in curves
         ]
     )
 
 
-def fraction_style(phi: float, fractions: list[float]) -> dict:
-    """Colour and marker of a volume fraction, the same in every panel of a figure."""
-    return curve_style(sorted(fractions).index(phi))
+def marker_style(curve: Curve, curves: list[Curve]) -> dict:
+    """Colour and marker by volume fraction, filling by setup: full with far field, else empty first."""
+    fractions = sorted({c.phi for c in curves})
+    style = curve_style(fractions.index(curve.phi))
+    fill = fills(curves)[curve.setup]
+    face = {"none": {"markerfacecolor": "white"}, "full": {"markerfacecolor": style["color"]}}
+    return style | face.get(fill, {"fillstyle": fill, "markerfacecoloralt": "white"})
 
 
-def draw_curves(ax: Axes, curves: Curves, shift: dict[float, float] | None = None, sign: float = 1.0) -> None:
-    """Points with error bars joined by thin lines; filled with far field, empty without."""
-    fractions = sorted({phi for phi, _ in curves})
-    for (phi, far), found in curves.items():
-        if not found:
+def fills(curves: list[Curve]) -> dict[str, str]:
+    """Filling of the markers of each setup."""
+    far = {c.setup for c in curves if c.far_field}
+    given = {setup: "full" for setup in sorted(far)[:1]}
+    free = [fill for fill in _FILLS if fill not in given.values()]
+    for setup in sorted({c.setup for c in curves} - set(given)):
+        given[setup] = free.pop(0) if free else "none"
+    return given
+
+
+def draw_curves(ax: Axes, curves: list[Curve], shift: dict[float, float] | None = None) -> None:
+    """Points with error bars joined by thin lines, against the logarithm of the amplitude."""
+    for curve in curves:
+        known = curve.known
+        if not known.any():
             continue
-        style = fraction_style(phi, fractions)
-        x, y, error = (np.array([getattr(p, name) for p in found], float) for name in ("gamma0", "value", "error"))
         ax.errorbar(
-            x,
-            sign * y + (shift or {}).get(phi, 0.0),
-            yerr=errors_or_none(error),
+            curve.gamma0[known],
+            curve.value[known] + (shift or {}).get(curve.phi, 0.0),
+            yerr=errors_or_none(curve.error[known]),
             linewidth=0.7,
             elinewidth=0.7,
-            markerfacecolor=style["color"] if far else "white",
-            **style,
+            **marker_style(curve, curves),
         )
-    amplitudes = [p.gamma0 for found in curves.values() for p in found]
-    log_axis_of(ax, "x", amplitudes, 1.35)
+    amplitude_axis(ax, curves)
+
+
+def amplitude_axis(ax: Axes, curves: list[Curve]) -> None:
+    """The logarithmic axis of the amplitude, and its label."""
+    log_axis_of(ax, "x", np.concatenate([c.gamma0 for c in curves]), 1.35)
     ax.set_xlabel(GAMMA0)
 
 
-def fraction_legend(ax: Axes, curves: Curves, **where) -> None:
-    """Volume fractions by colour and marker; what filled and empty mean where both are there."""
+def values_of(curves: list[Curve]) -> np.ndarray:
+    """All known values."""
+    return np.concatenate([c.value[c.known] for c in curves])
+
+
+def fraction_entries(curves: list[Curve]) -> list:
+    """Legend entries: volume fractions by colour and marker, setups by filling where there are several."""
     from matplotlib.lines import Line2D
 
-    fractions = sorted({phi for phi, _ in curves})
-    entries = [
-        Line2D([], [], linestyle="-", linewidth=0.7, label=rf"$\phi = {number(phi)}$", markerfacecolor="white")
-        for phi in fractions
-    ]
-    for entry, phi in zip(entries, fractions, strict=True):
-        style = fraction_style(phi, fractions)
-        entry.set(color=style["color"], marker=style["marker"])
-        if all(far for other, far in curves if other == phi):
-            entry.set_markerfacecolor(style["color"])
-    if len({far for _, far in curves}) == 2:
-        for text, face in (("with far field", BLACK), ("without", "white")):
-            entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, markerfacecolor=face, label=text))
-    ax.legend(handles=entries, **{"loc": "best"} | where)
+    entries, seen = [], set()
+    for c in sorted(curves, key=lambda c: c.phi):
+        if c.phi not in seen:
+            seen.add(c.phi)
+            style = marker_style(c, curves)
+            entries.append(Line2D([], [], linewidth=0.7, label=rf"$\phi = {number(c.phi)}$", **style))
+    setups = fills(curves)
+    far = {c.setup: c.far_field for c in curves}
+    plain = len(setups) == 2 and set(far.values()) == {True, False}
+    for setup, fill in sorted(setups.items()) if len(setups) > 1 else ():
+        text = ("with far field" if far[setup] else "without") if plain else setup.replace("_", " ") or "other"
+        face = {"fillstyle": fill} if fill != "none" else {"markerfacecolor": "white"}
+        entries.append(
+            Line2D([], [], linestyle="", marker="o", color=BLACK, label=text, markerfacecoloralt="white", **face)
+        )
+    return entries
+
+
+def fraction_legend(ax: Axes, curves: list[Curve], **where) -> None:
+    """The legend of `fraction_entries`."""
+    ax.legend(handles=fraction_entries(curves), **{"loc": "best"} | where)
 
 
 class AgainstAmplitude(Panel):
-    """One column of the analysis against amplitude; subclasses name it."""
+    """One quantity of the collection against amplitude; subclasses name it."""
 
-    column = ""
-    name = ""
+    quantity = ""
     label = ""
-    sign = 1.0
 
     def __init__(self, runs: Runs):
-        self.curves = curves_of(runs, self.column)
+        self.curves = curves_of(runs, self.quantity)
 
     def tables(self) -> dict[str, Columns]:
         """phi, far_field, gamma0, value, error, runs."""
-        return {"": curve_table(self.curves, self.name or self.column)}
+        return {"": curve_table(self.curves, self.quantity)}
 
     def draw(self, page) -> None:
         """The curves with a legend."""
         ax = page.subplots()
-        self.draw_axes(ax)
-        fraction_legend(ax, self.curves)
-
-    def draw_axes(self, ax: Axes) -> None:
-        """Curves and labels, without a legend."""
-        zero = any(p.value <= 0.0 for found in self.curves.values() for p in found)
-        if zero:
+        if (values_of(self.curves) <= 0.0).any():
             zero_lines(ax)
-        draw_curves(ax, self.curves, sign=self.sign)
+        draw_curves(ax, self.curves)
         ax.set_ylabel(self.label)
         ax.margins(y=0.12)
+        fraction_legend(ax, self.curves)

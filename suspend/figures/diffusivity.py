@@ -8,10 +8,12 @@ import numpy as np
 
 from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
 from suspend.errors import ConfigurationError
-from suspend.figures.amplitude import Curves, curve_table, draw_curves, fraction_legend
+from suspend.figures.amplitude import curve_table, curves_by, draw_curves, fraction_legend, marker_style, values_of
 from suspend.figures.panel import Columns, Panel, labelled, stack
-from suspend.figures.runs import Member, Point, Runs, oscillatory
-from suspend.figures.style import MARKERS, log_axis_of, number, say, shades
+from suspend.figures.phase_diagram import best_signatures
+from suspend.figures.runs import Member, Runs
+from suspend.figures.style import BLUE, MARKERS, log_axis_of, number, say, shades
+from suspend.io import Run
 
 FINAL_STRAIN = 256.0  # the paper's
 
@@ -21,8 +23,8 @@ class DiffusivityEvolution(Panel):
 
     aspect = 1.1
 
-    def __init__(self, runs: Runs, phi: float = 0.40, cloud: float = 0.8):
-        self.members = oscillatory(runs).amplitudes(phi)
+    def __init__(self, runs: Runs, cloud: float = 0.8):
+        self.members = runs.amplitudes()
         self.diffusivities = []
         for member in self.members:
             with member.open() as run:
@@ -42,41 +44,40 @@ class DiffusivityEvolution(Panel):
         return found
 
     def draw(self, page) -> None:
-        """Curves with their amplitudes at the end; the cloud below."""
-        grid = page.add_gridspec(2, 1, height_ratios=(1.8, 1.0))
-        ax = page.add_subplot(grid[0])
+        """Curves above; the cloud and the legend below."""
+        grid = page.add_gridspec(2, 2, height_ratios=(1.8, 1.0), width_ratios=(1.2, 1.0))
+        ax, cloud, key = page.add_subplot(grid[0, :]), page.add_subplot(grid[1, 0]), page.add_subplot(grid[1, 1])
         colours = shades(len(self.members))
         for m, d, colour, marker in zip(self.members, self.diffusivities, colours, MARKERS * 4, strict=False):
             shown = np.where(d.d_cyc > 0.0, d.d_cyc, np.nan)
-            few = {"marker": marker} if len(shown) < 40 else {}
+            few = {"marker": marker} if len(shown) < 30 else {}
             ax.plot(d.total_strain, shown, color=colour, linewidth=0.8, label=number(m.gamma0), **few)
+        values = np.concatenate([d.d_cyc for d in self.diffusivities])
         log_axis_of(ax, "x", np.concatenate([d.total_strain for d in self.diffusivities]))
-        log_axis_of(ax, "y", np.concatenate([d.d_cyc for d in self.diffusivities]), 1.6)
+        log_axis_of(ax, "y", values, 1.6)
+        if not (values > 0.0).any():
+            say(ax, "all displacements are exactly zero")
         ax.set_xlabel(r"total strain $\gamma_\mathrm{tot}$")
         ax.set_ylabel(r"$D_\mathrm{cyc}$")
-        ax.legend(title=r"$\gamma_0$", title_fontsize=6.5, ncols=2 if len(self.members) > 4 else 1, loc="lower left")
-        self._draw_cloud(page.add_subplot(grid[1]))
+        key.set_axis_off()
+        title = rf"$\gamma_0$ at $\phi = {number(self.members[0].phi)}$"
+        columns = {"ncols": -(-len(self.members) // 5), "handlelength": 1.2}
+        key.legend(*ax.get_legend_handles_labels(), title=title, title_fontsize=6.5, loc="center", **columns)
+        self._draw_cloud(cloud)
 
     def _draw_cloud(self, ax) -> None:
         ax.set_xlabel(r"$\Delta_x/a$ after half a cycle")
         ax.set_ylabel(r"$\Delta_y/a$")
         if self.cloud is None:
-            say(ax, "positions at half a cycle\nare not stored")
-            ax.set_xticks([])
-            ax.set_yticks([])
+            say(ax, "positions at half\na cycle are\nnot stored")
+            ax.set(xticks=[], yticks=[])
             return
         x, y = self.cloud.displacements[:, :2].T
         reach = 1.1 * float(np.max(np.abs([x, y]))) or 1.0
-        ax.scatter(x, y, s=2.0, color="#0072B2", alpha=0.6, linewidths=0)
+        ax.scatter(x, y, s=2.0, color=BLUE, alpha=0.6, linewidths=0)
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-        ax.text(
-            1.06,
-            0.98,
-            rf"$\gamma_0 = {number(self.cloud_of.gamma0)}$",
-            transform=ax.transAxes,
-            va="top",
-            fontsize=6.5,
-        )
+        ax.locator_params(nbins=3)
+        ax.set_title(rf"$\gamma_0 = {number(self.cloud_of.gamma0)}$", fontsize=6.5, pad=2)
 
 
 def _first_cloud(members: list[Member], gamma0: float) -> tuple[Member | None, DisplacementCloud | None, str]:
@@ -89,38 +90,41 @@ def _first_cloud(members: list[Member], gamma0: float) -> tuple[Member | None, D
     return None, None, why
 
 
-def final_diffusivity(member: Member, strain: float = FINAL_STRAIN) -> tuple[float, float]:
-    """D_cyc of the cycle that ends at or before total strain `strain` (or of the last), and its standard error."""
-    with member.open() as run:
-        found = CyclicDiffusivity().compute(run)
-    if not len(found.d_cyc):
-        return float("nan"), float("nan")
-    k = max(int(np.searchsorted(found.total_strain, strain * (1 + 1e-9), side="right")) - 1, 0)
-    return float(found.d_cyc[k]), float(found.standard_error[k])
-
-
 class FinalDiffusivity(Panel):
-    """D_cyc at total strain 256 (or at the end of shorter runs) against amplitude."""
+    """D_cyc of the last cycle that ends by total strain 256 against amplitude; shaded: the bounds on gamma_c."""
 
     def __init__(self, runs: Runs):
-        self.curves: Curves = {}
-        for key, groups in oscillatory(runs).families().items():
-            self.curves[key] = [_mean_point(group) for group in groups]
+        self.curves = curves_by(runs, final_diffusivity)
+        self.signatures = best_signatures(runs)
 
     def tables(self) -> dict[str, Columns]:
-        """phi, far_field, gamma0, D_cyc, error, runs."""
-        return {"": curve_table(self.curves, "D_cyc")}
+        """phi, far_field, gamma0, D_cyc, error, runs; the ranges of the signatures ("signatures")."""
+        ranges = stack([s.table() for s in self.signatures])
+        return {"": curve_table(self.curves, "D_cyc"), "signatures": ranges}
 
     def draw(self, page) -> None:
         """Logarithmic D_cyc."""
         ax = page.subplots()
         draw_curves(ax, self.curves)
-        log_axis_of(ax, "y", np.array([p.value for found in self.curves.values() for p in found]), 2.0)
+        for found in self.signatures:
+            colour = next(marker_style(c, self.curves)["color"] for c in self.curves if c.phi == found.series.phi)
+            _, _, shared = found.agreement
+            bound = found.bound or shared
+            if bound is not None and bound.bracketed:
+                ax.axvspan(bound.low, bound.high, color=colour, alpha=0.18 if found.bound else 0.07, linewidth=0)
+        log_axis_of(ax, "y", values_of(self.curves), 2.0)
         ax.set_ylabel(r"final $D_\mathrm{cyc}$")
         fraction_legend(ax, self.curves)
 
 
-def _mean_point(group: list[Member]) -> Point:
-    values, errors = np.array([final_diffusivity(m) for m in group]).T
-    error = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else errors[0]
-    return Point(group[0].gamma0, float(values.mean()), float(error), len(values))
+def final_diffusivity(path: str, strain: float = FINAL_STRAIN) -> tuple[float, float]:
+    """D_cyc of the last cycle that ends at or before total strain `strain`, and its standard error over the spheres.
+
+    That of the first cycle where it ends beyond; NaN where the positions are not stored.
+    """
+    with Run(path) as run:
+        found = CyclicDiffusivity().compute(run)
+    if not len(found.d_cyc):
+        return float("nan"), float("nan")
+    k = max(int(np.searchsorted(found.total_strain, strain * (1 + 1e-9), side="right")) - 1, 0)
+    return float(found.d_cyc[k]), float(found.standard_error[k])

@@ -76,7 +76,7 @@ def _check_number(kind: FigureKind, runs: Runs) -> None:
     """Raise where a curve against amplitude has one amplitude only."""
     if not kind.many:
         return
-    amplitudes = {member.gamma0 for member in oscillatory(runs)}
+    amplitudes = {float(f"{member.gamma0:.9g}") for member in oscillatory(runs)}
     if len(amplitudes) < 2:
         raise ConfigurationError(
             f"{kind.name} shows several strain amplitudes, but the {len(runs)} run(s) given have one, gamma0 = "

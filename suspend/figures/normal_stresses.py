@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
-import math
+from dataclasses import replace
 
 import numpy as np
 
+from suspend.analysis.lissajous import Lissajous
+from suspend.analysis.normal_stresses import NormalStresses
+from suspend.analysis.samples import chosen_window
+from suspend.analysis.signatures import onset_range
 from suspend.figures.amplitude import (
-    GAMMA0,
-    Curves,
+    Curve,
+    amplitude_axis,
     curve_table,
+    curves_by,
     curves_of,
     draw_curves,
     fraction_legend,
-    fraction_style,
+    marker_style,
+    values_of,
 )
 from suspend.figures.panel import Columns, Panel, labelled, stack
-from suspend.figures.runs import Point, Runs
-from suspend.figures.style import errors_or_none, log_axis_of, number, shades, zero_lines
+from suspend.figures.runs import Runs
+from suspend.figures.style import BLACK, GREY, curve_style, errors_or_none, log_axis_of, number, shades, zero_lines
 from suspend.figures.viscosity import representative
+from suspend.io import Run
 
 FITTED = 3  # points at the largest amplitudes that the dashed lines are fitted to
+_UNIT = "eta0*gamma0*omega"
 
 
 class FirstDifference(Panel):
@@ -33,8 +41,8 @@ class FirstDifference(Panel):
     def tables(self) -> dict[str, Columns]:
         """N1 and its hydrodynamic part."""
         return {
-            "": curve_table(self.total, "N1_mean", "eta0*gamma0*omega"),
-            "hydrodynamic": curve_table(self.hydrodynamic, "N1_mean_hydrodynamic", "eta0*gamma0*omega"),
+            "": curve_table(self.total, "N1_mean", _UNIT),
+            "hydrodynamic": curve_table(self.hydrodynamic, "N1_mean_hydrodynamic", _UNIT),
         }
 
     def draw(self, page) -> None:
@@ -46,7 +54,7 @@ class FirstDifference(Panel):
             ax.margins(y=0.15)
         upper.set_xlabel("")
         upper.set_ylabel(r"$\langle N_1\rangle/\eta_0\gamma_0\omega$")
-        lower.set_ylabel(r"hydrodynamic part")
+        lower.set_ylabel("hydrodynamic part")
         fraction_legend(upper, self.total)
 
 
@@ -54,107 +62,87 @@ class SecondDifference(Panel):
     """Average -N2 (-nu_0/eta0) against amplitude, whole and interparticle part, with lines fitted at the end."""
 
     def __init__(self, runs: Runs):
-        self.total = curves_of(runs, "N2_nu0")
-        self.interparticle = curves_of(runs, "N2_nu0_interparticle")
-        self.fits = {key: _end_fit(found) for key, found in self.total.items()}
+        self.total = curves_of(runs, "minus_N2_nu0")
+        part = curves_of(runs, "N2_nu0_interparticle")
+        self.interparticle = [replace(curve, value=-curve.value) for curve in part]
+        self.fits = [end_line(curve) for curve in self.total]
 
     def tables(self) -> dict[str, Columns]:
-        """nu_0 of the whole and of the interparticle stress, and the fitted lines ("fits")."""
-        fits = [
+        """-nu_0 of the whole and of the interparticle stress, and the fitted lines ("fits")."""
+        rows = [
             {
-                "phi[-]": phi,
-                "far_field[bool]": int(far),
-                "slope_per_ln_gamma0[eta0]": fit[0],
-                "intercept[eta0]": fit[1],
-                "zero_at_gamma0[-]": _zero(fit),
+                "phi[-]": np.array([curve.phi]),
+                "far_field[bool]": np.array([int(curve.far_field)]),
+                "zero_at_gamma0[-]": np.array([fit[0]]),
+                "slope_per_gamma0[eta0]": np.array([fit[1]]),
             }
-            for (phi, far), fit in self.fits.items()
+            for curve, fit in zip(self.total, self.fits, strict=True)
             if fit
         ]
         found = {
-            "": curve_table(self.total, "minus_nu0", "eta0") | {},
+            "": curve_table(self.total, "minus_nu0", "eta0"),
             "interparticle": curve_table(self.interparticle, "minus_nu0_interparticle", "eta0"),
         }
-        for table in found.values():
-            for name in table:
-                if name.startswith("minus_nu0") and "error" not in name:
-                    table[name] = -table[name]
-        return found | ({"fits": stack([{k: np.array([v]) for k, v in row.items()} for row in fits])} if fits else {})
+        return found | ({"fits": stack(rows)} if rows else {})
 
     def draw(self, page) -> None:
-        """Filled: the entire stress; empty: interparticle."""
+        """Filled: the entire stress; empty: interparticle. Lines join the points of runs with far field."""
         ax = page.subplots()
         zero_lines(ax)
-        _draw_parts(ax, self.total, self.interparticle)
-        fractions = sorted({phi for phi, _ in self.total})
-        for (phi, _), fit in self.fits.items():
-            if fit and math.isfinite(_zero(fit)):
-                end = max(p.gamma0 for found in self.total.values() for p in found)
-                x = np.geomspace(max(_zero(fit), 1e-3), end, 2)
-                ax.plot(
-                    x,
-                    -(fit[0] * np.log(x) + fit[1]),
-                    "--",
-                    color=fraction_style(phi, fractions)["color"],
-                    lw=0.7,
-                )
+        fractions = sorted({c.phi for c in self.total})
+        for curves, filled in ((self.total, True), (self.interparticle, False)):
+            for c in curves:
+                style = curve_style(fractions.index(c.phi))
+                face = {"markerfacecolor": style["color"] if filled else "white"}
+                line = {"linestyle": "-" if c.far_field else "", "linewidth": 0.7, "elinewidth": 0.7}
+                k = c.known
+                ax.errorbar(c.gamma0[k], c.value[k], yerr=errors_or_none(c.error[k]), **line, **style, **face)
+        end = max(float(c.gamma0[-1]) for c in self.total)
+        for c, fit in zip(self.total, self.fits, strict=True):
+            if fit:
+                x = np.geomspace(max(fit[0], 0.01 * end), end, 100)
+                colour = marker_style(c, self.total)["color"]
+                ax.plot(x, fit[1] * (x - fit[0]), "--", color=colour, linewidth=0.7)
+        amplitude_axis(ax, self.total)
         ax.set_ylabel(r"$-\nu_0/\eta_0 = -\langle N_2\rangle/\eta_0\gamma_0\omega$")
-        ax.set_xlabel(GAMMA0)
+        ax.margins(y=0.12)
+        self._legend(ax, fractions)
+
+    def _legend(self, ax, fractions: list[float]) -> None:
+        from matplotlib.lines import Line2D
+
+        entries = [
+            Line2D([], [], linestyle="", label=rf"$\phi = {number(phi)}$", **curve_style(i))
+            for i, phi in enumerate(fractions)
+        ]
+        for text, face in (("entire stress", BLACK), ("interparticle", "white")):
+            entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, markerfacecolor=face, label=text))
+        if len({c.far_field for c in self.total}) == 2:
+            entries.append(Line2D([], [], color=BLACK, linewidth=0.7, label="with far field"))
+        ax.legend(handles=entries, loc="upper left")
 
 
-def _end_fit(found: list[Point]) -> tuple[float, float] | None:
-    """Slope and intercept of nu_0 against ln gamma0 over the last points; None for fewer than 3 or no decrease."""
-    if len(found) < FITTED:
+def end_line(curve: Curve) -> tuple[float, float] | None:
+    """Amplitude where the line through the last points of -nu_0 crosses zero, and its slope; None without an onset."""
+    onset = onset_range(curve.gamma0, curve.value, FITTED)
+    if onset is None:
         return None
-    x, y = (np.array([getattr(p, name) for p in found[-FITTED:]]) for name in ("gamma0", "value"))
-    slope, intercept = np.polyfit(np.log(x), y, 1)
-    return (float(slope), float(intercept)) if slope < 0.0 else None
-
-
-def _zero(fit: tuple[float, float]) -> float:
-    return math.exp(-fit[1] / fit[0])
-
-
-def _draw_parts(ax, total: Curves, part: Curves) -> None:
-    """The whole filled, the part empty, negated; far field or not by the line."""
-    from matplotlib.lines import Line2D
-
-    fractions = sorted({phi for phi, _ in total})
-    entries = []
-    for curves, filled in ((total, True), (part, False)):
-        for (phi, far), found in curves.items():
-            style = fraction_style(phi, fractions)
-            x, y, e = (np.array([getattr(p, n) for p in found], float) for n in ("gamma0", "value", "error"))
-            face = style["color"] if filled else "white"
-            line = "-" if far else ""
-            ax.errorbar(
-                x,
-                -y,
-                yerr=errors_or_none(e),
-                markerfacecolor=face,
-                linestyle=line,
-                lw=0.7,
-                elinewidth=0.7,
-                **style,
-            )
-    for phi in fractions:
-        entries.append(Line2D([], [], linestyle="", label=rf"$\phi = {number(phi)}$", **fraction_style(phi, fractions)))
-    for text, face in (("entire stress", "black"), ("interparticle", "white")):
-        entries.append(Line2D([], [], linestyle="", marker="o", color="black", markerfacecolor=face, label=text))
-    if len({far for _, far in total}) == 2:
-        entries.append(Line2D([], [], color="black", lw=0.7, label="with far field"))
-    ax.legend(handles=entries, loc="upper left")
-    log_axis_of(ax, "x", [p.gamma0 for found in total.values() for p in found], 1.35)
-    ax.margins(y=0.12)
+    x, y = (column[curve.known][-FITTED:].mean() for column in (curve.gamma0, curve.value))
+    return onset.best, float(y / (x - onset.best))  # a least-squares line passes through the mean point
 
 
 class Doubling(Panel):
     """|nu_4|/|nu_2| of N2 against amplitude; that of the hydrodynamic part below."""
 
     def __init__(self, runs: Runs):
-        self.total = _ratio(curves_of(runs, "N2_nu4_abs"), curves_of(runs, "N2_nu2_abs"))
-        tail = "_hydrodynamic"
-        self.hydrodynamic = _ratio(curves_of(runs, "N2_nu4_abs" + tail), curves_of(runs, "N2_nu2_abs" + tail))
+        def hydrodynamic(path: str) -> tuple[float, float]:
+            with Run(path) as run:
+                last = min(runs.last, run.cycles) if runs.last else None
+                found = NormalStresses(last).compute(run).steady_of("N2", "hydrodynamic")["nu4_over_nu2"]
+            return found.mean, found.error
+
+        self.total = curves_of(runs, "nu4_over_nu2")
+        self.hydrodynamic = curves_by(runs, hydrodynamic)
 
     def tables(self) -> dict[str, Columns]:
         """The ratio, whole and hydrodynamic."""
@@ -169,59 +157,46 @@ class Doubling(Panel):
         upper, lower = page.subplots(2, 1, sharex=True, height_ratios=(1.4, 1.0))
         for ax, curves in ((upper, self.total), (lower, self.hydrodynamic)):
             draw_curves(ax, curves)
-            ax.axhline(1.0, color="#999999", linewidth=0.4, zorder=0)
-            log_axis_of(ax, "y", [p.value for found in curves.values() for p in found], 2.0)
+            ax.axhline(1.0, color=GREY, linewidth=0.4, zorder=0)
+            log_axis_of(ax, "y", values_of(curves), 2.0)
         upper.set_xlabel("")
         upper.set_ylabel(r"$|\nu_4|/|\nu_2|$")
         lower.set_ylabel("hydrodynamic part")
         fraction_legend(upper, self.total)
 
 
-def _ratio(above: Curves, below: Curves) -> Curves:
-    """Quotients of two curves point by point, errors added in squares."""
-    found = {}
-    for key, tops in above.items():
-        rows = []
-        for p, q in zip(tops, below[key], strict=True):
-            if q.value > 0.0:
-                value = p.value / q.value
-                error = abs(value) * math.hypot(p.error / p.value if p.value else 0.0, q.error / q.value)
-                rows.append(Point(p.gamma0, value, error, p.runs))
-        found[key] = rows
-    return found
-
-
 class SecondLissajous(Panel):
-    """N2 against strain in the last cycle, for three amplitudes of one volume fraction; arrows give the direction."""
+    """N2 against strain, mean of the last cycles, for three amplitudes; arrows give the direction in time."""
 
     def __init__(self, runs: Runs):
-        self.members = representative(runs)
+        self.members, self.loops = representative(runs), []
+        for member in self.members:
+            with member.open() as run:
+                last = min(runs.last, run.cycles) if runs.last else None
+                window = chosen_window(run, last) if run.cycles else 1
+                self.loops.append(Lissajous(window, "strain", "N2").compute(run))
 
     def tables(self) -> dict[str, Columns]:
-        """Strain and N2 over the last cycle."""
+        """Strain and N2 over the mean cycle."""
         parts = []
-        for m in self.members:
-            wave = m.analysis.waveforms[max(m.analysis.waveforms)]
-            columns = {"strain[gamma0]": wave["strain"], "N2[eta0*gamma0*omega]": wave["N2"]}
-            parts.append(labelled({"phi[-]": m.phi, "gamma0[-]": m.gamma0}, columns))
+        for m, loop in zip(self.members, self.loops, strict=True):
+            constants = {"phi[-]": m.phi, "gamma0[-]": m.gamma0, "averaged_cycles[-]": loop.cycles}
+            table = loop.table()
+            names = ("theta[rad]", "strain[gamma0]", f"N2[{_UNIT}]")
+            parts.append(labelled(constants, {name: table[name] for name in names}))
         return {"": stack(parts)}
 
     def draw(self, page) -> None:
         """One axes for each amplitude, as their scales differ."""
         axes = page.subplots(len(self.members), 1, sharex=True, squeeze=False)[:, 0]
-        for m, ax, colour in zip(self.members, axes, shades(len(self.members)), strict=True):
-            wave = m.analysis.waveforms[max(m.analysis.waveforms)]
-            x, y = (np.append(wave[name], wave[name][0]) for name in ("strain", "N2"))
+        for m, loop, ax, colour in zip(self.members, self.loops, axes, shades(len(self.members)), strict=True):
+            x, y = loop.curve()
             zero_lines(ax, vertical=True)
             ax.plot(x, y, color=colour)
             for start in (0, len(x) // 2):
-                step = max(len(x) // 32, 1)
-                ends = {"xy": (x[start + step], y[start + step]), "xytext": (x[start], y[start])}
-                ax.annotate(
-                    "",
-                    **ends,
-                    arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 0.8, "mutation_scale": 7},
-                )
+                stop = start + max(len(x) // 32, 1)
+                arrow = {"arrowstyle": "-|>", "color": colour, "lw": 0.8, "mutation_scale": 7}
+                ax.annotate("", xy=(x[stop], y[stop]), xytext=(x[start], y[start]), arrowprops=arrow)
             ax.set_title(rf"$\gamma_0 = {number(m.gamma0)}$", loc="right", fontsize=7, pad=2)
             ax.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3), useMathText=True)
             ax.margins(y=0.15)

@@ -1,4 +1,4 @@
-"""The runs a figure is drawn from: opened once, grouped by volume fraction and amplitude, averaged over seeds."""
+"""The runs a figure is drawn from: found once, read when a panel asks for them."""
 
 from __future__ import annotations
 
@@ -8,37 +8,25 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
-
-from suspend.analysis.summary import Analysis, analyze_run, read_scales
+from suspend.analysis.collection import Collection, find_runs
+from suspend.analysis.samples import read_scales
 from suspend.errors import ConfigurationError, StorageError
 from suspend.io import Run
-from suspend.io.reader import TRAJECTORY
 
-_SAME = 1e-9  # relative: parameters closer than this are equal
-
-
-class Point(NamedTuple):
-    """A steady-state value at one volume fraction and amplitude, over all its seeds."""
-
-    gamma0: float
-    value: float
-    error: float
-    runs: int
+_SAME = 1e-6  # relative: parameters closer than this are equal
+PAPER_FRACTION = 0.40  # of the figures that show one volume fraction
 
 
 @dataclass(frozen=True)
 class Member:
-    """One run: its parameters, and its analysis when asked for."""
+    """One run: where it is, and the parameters that figures choose it by."""
 
     path: Path
     flow: str
     scales: dict[str, float]
     far_field: bool
     seed: int
-    last: int | None = None
 
     @property
     def phi(self) -> float:
@@ -47,51 +35,28 @@ class Member:
 
     @property
     def gamma0(self) -> float:
-        """Strain amplitude."""
-        return self.scales["gamma0"]
+        """Strain amplitude; NaN without oscillation."""
+        return self.scales.get("gamma0", math.nan)
 
     @property
     def number(self) -> int:
         """Number of spheres."""
         return int(self.scales["number"])
 
-    @property
-    def name(self) -> str:
-        """Name of the run's folder."""
-        return self.path.name if self.path.is_dir() else self.path.parent.name or str(self.path)
-
-    @cached_property
-    def analysis(self) -> Analysis:
-        """Moduli of every cycle. Raises ConfigurationError where there is no complete cycle."""
-        with self.open() as run:
-            last = min(self.last, run.cycles) if self.last and run.cycles else None
-            found = analyze_run(run, last, str(self.path))
-        if not len(found.values):
-            raise ConfigurationError(f"nothing to draw for {self.path}: {'; '.join(found.notes)}")
-        return found
-
     def open(self) -> Run:
         """The stored run; close it."""
         return Run(self.path)
 
-    def steady(self, column: str) -> tuple[float, float]:
-        """Mean of a column over the last cycles and its standard error (NaN for one cycle)."""
-        if column not in self.analysis:
-            return math.nan, math.nan
-        name = next(c for c in self.analysis.columns if c.partition("[")[0] == column)
-        average = self._averages[name]
-        return average["mean"], average["standard_error"]
-
-    @cached_property
-    def _averages(self) -> dict:
-        return self.analysis.averages()
-
 
 class Runs(Sequence):
-    """Members in the order of volume fraction, amplitude, far field and seed."""
+    """The runs, in the order of volume fraction, amplitude, far field and seed.
 
-    def __init__(self, members: Iterable[Member]):
+    notes: runs that could not be read and are left out; steady-state averages are over the last `last` cycles.
+    """
+
+    def __init__(self, members: Iterable[Member], last: int | None = None, notes: Iterable[str] = ()):
         self.members = sorted(members, key=lambda m: (m.phi, m.scales.get("gamma0", 0.0), m.far_field, m.seed))
+        self.last, self._notes = last, list(notes)
 
     def __len__(self) -> int:
         return len(self.members)
@@ -103,64 +68,66 @@ class Runs(Sequence):
         return iter(self.members)
 
     @property
+    def notes(self) -> list[str]:
+        """What was left out or must be known to read the figure."""
+        return [*self._notes, *(self.collection.notes if "collection" in self.__dict__ else [])]
+
+    @property
     def only(self) -> Member:
         """The only run, where the figure is of one run. Raises ConfigurationError for more."""
         if len(self) > 1:
-            raise ConfigurationError(
-                f"this figure is of one run, but {len(self)} were given: {', '.join(m.name for m in self)}; give one"
-            )
+            names = ", ".join(str(m.path) for m in self.members[:4]) + (", ..." if len(self) > 4 else "")
+            raise ConfigurationError(f"this figure is of one run, but {len(self)} were given: {names}; give one")
         return self.members[0]
 
-    def families(self) -> dict[tuple[float, bool], list[list[Member]]]:
-        """(phi, far field) -> groups of equal amplitude (several seeds), in the order of the amplitude."""
-        found: dict[tuple[float, bool], list[list[Member]]] = {}
-        for member in self:
-            groups = found.setdefault((round(member.phi, 6), member.far_field), [])
-            if groups and math.isclose(groups[-1][0].gamma0, member.gamma0, rel_tol=_SAME):
-                groups[-1].append(member)
-            else:
-                groups.append([member])
-        return found
+    @cached_property
+    def collection(self) -> Collection:
+        """Steady-state values of all runs."""
+        return Collection(last=self.last).compute([m.path for m in oscillatory(self)])
 
-    def amplitudes(self, phi: float | None = None) -> list[Member]:
-        """One run for each amplitude (its first seed), of the volume fraction nearest to `phi`."""
-        keys = list(self.families())
-        key = keys[0] if phi is None else min(keys, key=lambda k: (abs(k[0] - phi), k[1]))
-        return [group[0] for group in self.families()[key]]
+    def amplitudes(self, phi: float = PAPER_FRACTION) -> list[Member]:
+        """One run for each amplitude (its first seed) at the volume fraction nearest to `phi`.
+
+        Of runs with and without far field, or of different N, those that cover more amplitudes.
+        """
+        nearest = min((m.phi for m in oscillatory(self)), key=lambda value: abs(value - phi))
+        families: dict[tuple, dict[float, Member]] = {}
+        for m in self:
+            if math.isclose(m.phi, nearest, rel_tol=_SAME):
+                families.setdefault((m.far_field, m.number), {}).setdefault(float(f"{m.gamma0:.9g}"), m)
+        return list(max(families.values(), key=len).values())
+
+    def nearest(self, gamma0: float, phi: float = PAPER_FRACTION) -> Member:
+        """The run nearest to the amplitude, then to the volume fraction; the larger one of equals."""
+        return min(oscillatory(self), key=lambda m: (abs(m.phi - phi), abs(math.log(m.gamma0 / gamma0)), -m.number))
 
 
 def open_runs(paths: Iterable[os.PathLike | str], last: int | None = None) -> Runs:
-    """The runs at the paths: folders of runs, trajectory files, or folders that hold folders of runs.
+    """The runs at the paths: run folders, trajectory files, folders that hold runs, or glob patterns.
 
     `last`: how many of the last cycles steady-state values are averaged over. Each run is opened once to read its
-    parameters. Raises StorageError (missing, truncated, foreign), ConfigurationError (no runs).
+    parameters; one that cannot be read is left out and noted if there are others. Raises StorageError (missing,
+    truncated, foreign), ConfigurationError (no runs).
     """
-    found = [inner for path in paths for inner in _expand(Path(path))]
+    found = find_runs(list(paths))
     if not found:
         raise ConfigurationError("no runs were given: give the folders of one run or more")
-    seen, members = set(), []
+    members, problems = [], []
     for path in found:
-        real = path.resolve()
-        if real not in seen:
-            seen.add(real)
-            members.append(_member(path, last))
-    return Runs(members)
+        try:
+            members.append(_member(path))
+        except StorageError as error:
+            problems.append(error)
+    if not members:
+        raise problems[0]
+    return Runs(members, last, [f"left out: {error}" for error in problems])
 
 
-def _expand(path: Path) -> list[Path]:
-    if not path.is_dir() or (path / TRAJECTORY).exists():
-        return [path]
-    inner = sorted(p for p in path.iterdir() if (p / TRAJECTORY).exists())
-    if not inner:
-        raise StorageError(f"{path} holds no run: neither a {TRAJECTORY} nor folders with one")
-    return inner
-
-
-def _member(path: Path, last: int | None) -> Member:
+def _member(path: Path) -> Member:
     with Run(path) as run:
         flow, scales = read_scales(run)
         config = run.config
-        return Member(path, flow, scales, config.get("far_field") == "ewald", int(config.get("seed", 0)), last)
+        return Member(path, flow, scales, config.get("far_field") == "ewald", int(config.get("seed") or 0))
 
 
 def oscillatory(runs: Runs) -> Runs:
@@ -168,23 +135,13 @@ def oscillatory(runs: Runs) -> Runs:
     other = [m for m in runs if m.flow != "oscillatory"]
     if other:
         raise ConfigurationError(
-            f"this figure is of oscillatory shear, but the flow of {other[0].path} is {other[0].flow!r} (flow.type)"
+            f"this figure is of oscillatory shear, but the flow of {other[0].path} is {other[0].flow} (flow.type)"
         )
     return runs
 
 
-def points(groups: list[list[Member]], column: str) -> list[Point]:
-    """Steady-state values of a column against amplitude, averaged over seeds.
-
-    The error is the standard error over the seeds where there are several, else that over the cycles of the one run.
-    """
-    found = []
-    for group in groups:
-        values, errors = np.array([member.steady(column) for member in group]).T
-        known = np.isfinite(values)
-        if not known.any():
-            continue
-        count = int(known.sum())
-        error = values[known].std(ddof=1) / math.sqrt(count) if count > 1 else errors[known][0]
-        found.append(Point(group[0].gamma0, float(values[known].mean()), float(error), count))
-    return found
+def cycles_of(run: Run, path: Path) -> int:
+    """Number of complete cycles. Raises ConfigurationError for none."""
+    if not run.cycles:
+        raise ConfigurationError(f"{path}: no complete cycle is stored yet: nothing to draw; let the run go on")
+    return run.cycles

@@ -118,8 +118,8 @@ def say(ax: Axes, text: str) -> None:
 
 
 def number(value: float) -> str:
-    """A parameter in a legend: 3 digits, no trailing zeros."""
-    return f"{value:.3g}"
+    """A parameter in a legend: 3 digits, no trailing zeros, round-off around zero as 0."""
+    return f"{value if abs(value) > 1e-9 else 0.0:.3g}"
 
 
 def errors_or_none(errors: np.ndarray) -> np.ndarray | None:
