@@ -10,6 +10,7 @@ from suspend_cli.export import export
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
 from suspend_cli.plot import plot
 from suspend_cli.properties import properties
+from suspend_cli.report_page import report
 from suspend_cli.solve import solve
 
 import suspend
@@ -262,6 +263,7 @@ def init(file, force) -> None:
 cli.add_command(solve)
 cli.add_command(properties)
 cli.add_command(export)
+cli.add_command(report)
 cli.add_command(plot)
 
 
