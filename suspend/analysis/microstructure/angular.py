@@ -17,7 +17,8 @@ from suspend.errors import ConfigurationError
 
 _RADIAL = 0.05  # radii, width of the distance bins
 _LATITUDE = np.deg2rad(15.0)  # the paper's: no neighbours beyond it ...
-_RING = np.deg2rad(30.0)  # ... but near longitudes +-90 degrees, taken as within this
+_RING = np.deg2rad(30.0)  # ... but near longitudes +-90 degrees: taken as nearer than this to that great circle
+_FINER = 8  # parts of a cell per direction, for the share of it that lies off the rings
 
 
 def directions(vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -41,8 +42,8 @@ class AngularMaps(FrameQuantity):
         frames: Frames = LAST,
         radii=None,
         half_width: float = 0.1,
-        longitudes: int = 36,
-        latitudes: int = 24,
+        longitudes: int = 30,
+        latitudes: int = 18,
         centres: int | None = CENTRES,
     ):
         self.frames, self.half_width, self.centres, self._radii = frames, half_width, centres, radii
@@ -105,15 +106,15 @@ class AngularMaps(FrameQuantity):
         return np.stack([self.at(r) if np.isfinite(r) else unknown for r in self.radii])
 
     def off_rings(self, radius: float) -> float:
-        """Density relative to isotropy at latitudes beyond +-15 degrees more than 30 degrees of longitude away
-        from +-90: the region the paper finds empty at the first peak; interpolated inside the cells' rows."""
-        density = self.at(radius)
-        edges = np.sin(self.latitude_edges)
-        inner = np.clip(edges, -np.sin(_LATITUDE), np.sin(_LATITUDE))
-        outside = np.diff(edges) - np.diff(inner)
-        middle = 0.5 * (self.longitude_edges[1:] + self.longitude_edges[:-1])
-        away = np.abs(np.abs(middle) - 0.5 * np.pi) > _RING
-        return float((density[away] @ outside).mean() / outside.sum())
+        """Density relative to isotropy off the paper's two rings: at latitudes beyond +-15 degrees and more than
+        30 degrees from the great circle of longitudes +-90 (the plane perpendicular to the flow). 0: depleted."""
+        columns, rows = (_FINER * count for count in self._shape)
+        longitude = (np.arange(columns) + 0.5) / columns * 2.0 * np.pi - np.pi
+        height = (np.arange(rows) + 0.5) / rows * 2.0 - 1.0  # sin(latitude)
+        along_flow = np.abs(np.cos(longitude))[:, None] * np.sqrt(1.0 - height**2)
+        off = (np.abs(height) > np.sin(_LATITUDE)) & (along_flow > np.sin(_RING))
+        share = off.reshape(self._shape[0], _FINER, self._shape[1], _FINER).mean(axis=(1, 3))
+        return float((self.at(radius) * share).sum() / share.sum())
 
     def table(self) -> dict[str, np.ndarray]:
         """r, longitude, latitude (middles, degrees) and relative density of every cell of every map."""

@@ -15,6 +15,7 @@ from suspend.analysis.microstructure.snapshot import SPACED, FrameQuantity, Fram
 from suspend.errors import ConfigurationError
 
 SMALLEST = 2.0  # radii: the smallest test sphere
+_CENTRES, _VOLUME = 4000, 3.0  # test spheres: at most so many, one per so many a^3
 _BLOCKS = 2  # per direction, for the error by leaving one out
 _MINIMUM_RANGE = 1.25  # L/4 has to exceed the smallest radius by this factor to say anything about a power
 
@@ -48,18 +49,21 @@ class BetaFit(NamedTuple):
         return _decay(np.asarray(total_strain, float), self.beta0, self.beta_inf, self.nu)
 
 
-def number_variance(snapshot: Snapshot, radii: np.ndarray, centres: int = 4000, seed: int = 1) -> Exponent:
+def number_variance(snapshot: Snapshot, radii: np.ndarray, centres: int | None = None, seed: int = 1) -> Exponent:
     """sigma^2(r) and its exponent beta from an unweighted straight line through ln sigma^2 against ln r.
 
-    One test centre lies at random in each of m^3 equal parts of the (sheared) cell, m^3 about `centres`, which
-    samples more evenly than independent centres and is unbiased; <n> = N v/V is known. With the default, the
-    sampling adds about 0.02 to the scatter of beta. The error of beta comes from leaving out one octant of the cell
-    at a time (jackknife). It is too small, because large test spheres reach beyond an octant: for independent Poisson
-    configurations it is 0.7 of the scatter found (0.18 at N = 500, 0.12 at N = 4096). The periodic cell holds a fixed
-    N, which lowers sigma^2 by S(0) N (v/V)^2: for a Poisson configuration by the factor 1 - v/V, at L/4 0.935, which
-    takes 0.07 (N = 500) or 0.04 (N = 4096) from beta. As in the paper, this is not corrected.
+    One test centre lies at random in each of m^3 equal parts of the (sheared) cell, m^3 about `centres` (default:
+    one per 3 a^3, at most 4000), which samples more evenly than independent centres and is unbiased; <n> = N v/V
+    is known. With the default, the sampling adds 0.02 to 0.03 to the scatter of beta. The error of beta comes from
+    leaving out one octant of the cell at a time (jackknife). It is too small, because large test spheres reach
+    beyond an octant: for independent Poisson configurations it is 0.7 of the scatter found (0.18 at N = 500, 0.12
+    at N = 4096). The periodic cell holds a fixed N, which lowers sigma^2 by S(0) N (v/V)^2: for a Poisson
+    configuration by the factor 1 - v/V, at L/4 0.935, which takes 0.07 (N = 500) or 0.04 (N = 4096) from beta. As
+    in the paper, this is not corrected.
     """
     radii = np.asarray(radii, float)
+    if centres is None:
+        centres = min(_CENTRES, int(snapshot.length**3 / _VOLUME))
     m = _BLOCKS * max(1, round(centres ** (1.0 / 3.0) / _BLOCKS))
     corner = np.stack(np.meshgrid(*(np.arange(m),) * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     fraction = (corner + np.random.default_rng(seed).random(corner.shape)) / m
@@ -129,7 +133,7 @@ class NumberVariance(FrameQuantity):
     range: ConfigurationError.
     """
 
-    def __init__(self, frames: Frames = SPACED, centres: int = 4000, count: int = 12):
+    def __init__(self, frames: Frames = SPACED, centres: int | None = None, count: int = 12):
         self.frames, self.centres, self.count = frames, centres, count
 
     def missing(self, snapshot: Snapshot) -> str | None:

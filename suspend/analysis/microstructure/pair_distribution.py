@@ -137,7 +137,7 @@ class ShearPlaneDistribution(FrameQuantity):
     """
 
     def __init__(
-        self, frames: Frames = LAST, reach: float = 6.0, width: float = 0.1, slab: float = 0.5, centres=CENTRES
+        self, frames: Frames = LAST, reach: float = 6.0, width: float = 0.2, slab: float = 0.5, centres=CENTRES
     ):
         self.frames, self.width, self.slab, self.centres, self._wanted_reach = frames, width, slab, centres, reach
 

@@ -9,7 +9,7 @@ import numpy as np
 from suspend.analysis.microstructure.snapshot import LAST, FrameQuantity, Frames, Snapshot
 from suspend.errors import ConfigurationError
 
-_FINE = 1.0  # 1/a: below this wave number shells are 2 pi/L wide and (nearly) all vectors are used
+_FINE = 1.0  # 1/a: below this wave number shells are pi/L wide
 _SPHERES, _VECTORS = 512, 256  # at a time: what fits into the caches
 
 
@@ -70,8 +70,9 @@ def scattering(snapshot: Snapshot, n: np.ndarray) -> np.ndarray:
 class StructureFactor(FrameQuantity):
     """S(q) averaged over frames and over the wave vectors of shells, from 2 pi/L to `q_max` (1/a).
 
-    Shells are 2 pi/L wide below 1/a (not finer than 0.02/a), `width` above. At most `per_shell` vectors of a shell
-    are used, chosen at random once: the relative scatter of S of one vector is one, whatever N is.
+    Shells are pi/L wide below 1/a, `width` above; the first holds the smallest wave vectors only. At most
+    `per_shell` vectors of a shell are used (twice as many below 1/a), chosen at random once: the relative scatter
+    of S of one vector is one, whatever N is.
     """
 
     def __init__(self, frames: Frames = LAST, q_max: float = 8.0, width: float = 0.1, per_shell: int = 60):
@@ -112,7 +113,7 @@ class StructureFactor(FrameQuantity):
         order = order[np.argsort(shell[order], kind="stable")]
         start = np.searchsorted(shell[order], np.arange(len(self._edges) - 1))
         rank = np.arange(len(n)) - start[shell[order]]
-        limit = np.where(self._edges[:-1] < _FINE, 4 * self.per_shell, self.per_shell)
+        limit = np.where(self._edges[:-1] < _FINE, 2 * self.per_shell, self.per_shell)
         chosen = order[rank < limit[shell[order]]]
         return n[chosen], q[chosen], shell[chosen]
 
@@ -173,9 +174,8 @@ class StructureFactor(FrameQuantity):
 
 
 def _shell_edges(unit: float, q_max: float, width: float) -> np.ndarray:
-    """Edges of the shells: the first begins at half the smallest wave number, which is its only one."""
-    fine = max(unit, 0.02)
-    low = np.arange(0.5 * unit, _FINE + 0.5 * fine, fine) if unit < _FINE else np.array([0.5 * unit])
+    """Edges of the shells; the first one holds the smallest wave vectors only."""
+    low = unit * np.arange(0.75, max(_FINE / unit, 1.0) + 0.5, 0.5)
     return np.append(low, np.arange(low[-1] + width, q_max + 0.5 * width, width))
 
 
