@@ -15,6 +15,7 @@ from suspend.analysis.moduli import Moduli, read_harmonics
 from suspend.analysis.normal_stresses import NormalStresses
 from suspend.analysis.rheology import fourier_coefficients
 from suspend.analysis.spectrum import PowerSpectrum
+from suspend.analysis.summary import analyze
 from suspend.errors import ConfigurationError
 from suspend.io import Run
 
@@ -308,6 +309,27 @@ def test_a_part_that_is_not_stored(tmp_path):
     assert harmonics.parts == ("total", "hydrodynamic", "interparticle")
     with pytest.raises(ConfigurationError, match="no part 'flow_driven'"):
         harmonics.viscous("flow_driven")
+
+
+def test_analysis_shows_the_measures(tmp_path):
+    """`analyze`: screen and JSON hold the averages of the quantities, parts included, and stay within 110 columns."""
+    path = tmp_path / "run"
+    with stored(path, shear_parts, cycles=12, phase=0.4) as run:
+        laos, moduli = Laos(last=4).compute(run), Moduli(last=4).compute(run)
+    result = analyze(path)
+    content = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    assert content["laos"]["parts"]["total"]["T"]["mean"] == laos.steady()["T"].mean
+    assert content["laos"]["direct"] == laos.direct
+    assert content["drift"]["cycles"] == 6 and "eta_r_prime" in content["drift"]["drifting"]
+    assert content["spectrum"]["eta_n_prime[eta0]"][3] == pytest.approx(0.05)
+    assert "N2_nu4_over_nu2_interparticle" in content["normal_stresses"]["averages"]
+    average = content["averages"]["quantities"]["minus_eta3_over_eta1[-]"]
+    assert average["mean"] == moduli.steady()["minus_eta3_over_eta1"].mean and average["p_value"] < 0.01
+    lines = result.table().splitlines()
+    assert max(len(line) for line in lines if str(path) not in line) <= 110
+    heading = next(k for k, line in enumerate(lines) if line.startswith("Large-amplitude measures"))
+    assert f"{laos.steady()['T'].mean:.5g}" in lines[heading + 2] and lines[heading + 1].split()[-1] == "T"
+    assert any("not steady" in line for line in lines)
 
 
 def test_plots(tmp_path):

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from suspend.analysis.blocks import direction_begins
 from suspend.analysis.dynamics import cyclic_diffusivities
 from suspend.analysis.laos import Laos
 from suspend.analysis.lissajous import mean_waveforms
@@ -22,7 +23,7 @@ from suspend.analysis.normal_stresses import NormalStresses
 from suspend.analysis.rheology import block_row, cycle_row, normalised_signals
 from suspend.analysis.samples import cycle_samples, default_window, read_scales
 from suspend.analysis.spectrum import PowerSpectrum
-from suspend.analysis.steady import SIGNIFICANCE, SteadyAverage, steady_average
+from suspend.analysis.steady import SIGNIFICANCE, SteadyAverage, ratio_average, steady_average, summarise
 from suspend.analysis.tables import format_analysis
 from suspend.errors import ConfigurationError
 from suspend.io import Run
@@ -102,6 +103,10 @@ class Analysis:
             for name in names
             if name not in ("total_strain", "shear_rate")
         }
+        if "N1" in found and self.flow != "quiescent":
+            shear = np.abs(self["sigma_xy"])[begin:]
+            for name in ("N1", "N2"):
+                found[f"{name}_over_shear"] = ratio_average(self[name][begin:], shear, self.last)
         if self.harmonics is not None:
             better = Moduli().use(self.harmonics).steady() | NormalStresses().use(self.harmonics).steady()
             found |= {name: better[name] for name in found if name in better}
@@ -162,7 +167,8 @@ class Analysis:
 
     def _measures(self) -> dict[str, Any]:
         if self.harmonics is None:
-            return {}
+            ratios = {name: found for name, found in self.steady.items() if name.endswith("_over_shear")}
+            return {"normal_stresses": {"blocks": self.last, "averages": summarise(ratios)}} if ratios else {}
         spectrum = self.spectrum.table() | {"harmonic": self.spectrum.orders}
         return {
             "normal_stresses": NormalStresses().use(self.harmonics).summary(),
@@ -239,12 +245,9 @@ def _default_window(columns: tuple[str, ...], values: np.ndarray) -> int:
 
 
 def _direction_begins(columns: tuple[str, ...], values: np.ndarray) -> int:
-    """First block after the last reversal of the shear."""
     if "shear_rate[rate]" not in columns or not len(values):
         return 0
-    direction = np.sign(values[:, columns.index("shear_rate[rate]")])
-    changed = np.flatnonzero(direction != direction[-1])
-    return int(changed[-1]) + 1 if changed.size else 0
+    return direction_begins(values[:, columns.index("shear_rate[rate]")])
 
 
 def _drift_notes(analysis: Analysis) -> list[str]:
@@ -261,7 +264,8 @@ def _drift_notes(analysis: Analysis) -> list[str]:
         begin = analysis.total_strain[len(analysis.values) - next(iter(tested.values())).reference]
         return [f"not steady: from total strain {begin:.4g} to {end:.4g} there is a drift of {changes}{like}"]
     if found and not tested:
-        return ["too few cycles for a test of drift: the state may still be evolving"]
+        unit = "cycles" if analysis.oscillatory else "blocks"
+        return [f"too few {unit} for a test of drift: the state may still be evolving"]
     if found and analysis.oscillatory and end < _PAPER_DRIFT:
         return [f"no drift was found, but total strain {end:.4g} is short: the paper's runs drift past 100"]
     return []

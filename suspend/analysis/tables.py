@@ -115,6 +115,10 @@ def _cycles(analysis: Analysis) -> str:
     reference = max((found.reference for found in analysis.steady.values()), default=0)
     if reference >= 4:
         lines.append("p".rjust(8) + _cells(averages, layout, "p_value"))
+    for name, label in (("N1_over_shear", "N1/|sigma_xy|"), ("N2_over_shear", "N2/|sigma_xy|")):
+        if name in analysis.steady:
+            found = analysis.steady[name]
+            lines.append(f"{label} = {found.mean:.4g}" + _error(found.error))
     lines.append(f"(+-: standard error, correlation between {unit}s included; change: linear trend over them;")
     lines.append(
         f" p: chance of the trend over the last {reference} {unit}s if the state is steady, drift where < 0.01)"
