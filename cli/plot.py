@@ -18,6 +18,8 @@ RUNS are folders of runs, or folders that hold folders of runs. Figures of the p
 number (viscosity, 2, 2b). The CSV behind each panel is written beside the picture.
 """
 
+NOTES = 6  # printed at most
+
 
 def _list(context: click.Context, _, wanted: bool) -> None:
     """Print the names and leave."""
@@ -100,5 +102,10 @@ def plot(figure, runs, output, kind, with_csv, **options) -> None:
     from suspend.figures.make import make_figure
 
     formats = None if kind is None else ["png", "pdf"] if kind == "both" else [kind]
-    for path in make_figure(figure, runs, output, formats, with_csv=with_csv, **options):
+    drawn = make_figure(figure, runs, output, formats, with_csv=with_csv, **options)
+    for note in drawn.notes[:NOTES]:
+        click.echo(f"Note: {note}", err=True)
+    if len(drawn.notes) > NOTES:
+        click.echo(f"Note: {len(drawn.notes) - NOTES} more of these", err=True)
+    for path in drawn.paths:
         click.echo(str(path))

@@ -15,9 +15,10 @@ from suspend.structure import cell_vectors, wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.collections import PatchCollection
+    from matplotlib.collections import EllipseCollection
 
 _EXTREME = 98.0  # percentile of the magnitude at which the colours end
+_MANY = 3000  # more discs are a picture inside a PDF, not shapes
 _PLAIN = "#9ecae1"  # of spheres that nothing is known of
 
 
@@ -95,14 +96,16 @@ def colour_limits(scalar: Scalar, found: list[Picture]) -> tuple[float, float]:
     return (-top if scalar.signed else 0.0, top or 1.0) if top else (-1.0 if scalar.signed else 0.0, 1.0)
 
 
-def draw_cell(ax: Axes, picture: Picture, scalar: Scalar, limits: tuple[float, float]) -> PatchCollection:
+def draw_cell(ax: Axes, picture: Picture, scalar: Scalar, limits: tuple[float, float]) -> EllipseCollection:
     """Spheres as discs of their own size, farthest first, and the outline of the cell; no axes."""
-    from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Circle
+    from matplotlib.collections import EllipseCollection
 
     order = np.argsort(picture.centres[:, 2], kind="stable")
-    discs = [Circle(centre, 1.0) for centre in picture.centres[order, :2]]
-    drawn = PatchCollection(discs, edgecolor="#222222", linewidth=0.3)
+    size = np.full(len(order), 2.0)
+    drawn = EllipseCollection(
+        size, size, 0.0 * size, units="xy", offsets=picture.centres[order, :2], offset_transform=ax.transData
+    )
+    drawn.set(edgecolor="#222222", linewidth=0.3 if len(order) < _MANY else 0.1, rasterized=len(order) > _MANY)
     if scalar.name == "none":
         drawn.set_facecolor(_PLAIN)
     else:

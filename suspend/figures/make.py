@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from suspend.errors import ConfigurationError
 from suspend.figures.page import write_page, write_tables
@@ -13,6 +14,13 @@ from suspend.figures.runs import Runs, open_runs, oscillatory
 
 FORMATS = ("png", "pdf")
 MOVIES = ("gif", "mp4")
+
+
+class Drawn(NamedTuple):
+    """Files that were written, and what must be known to read them."""
+
+    paths: list[Path]
+    notes: list[str]
 
 
 def make_figure(
@@ -24,8 +32,8 @@ def make_figure(
     with_csv: bool = True,
     last: int | None = None,
     **options,
-) -> list[Path]:
-    """Draw the figure `name` from the runs at `paths`; the paths of the files written, the pictures first.
+) -> Drawn:
+    """Draw the figure `name` from the runs at `paths`; the files written, the pictures first, and the notes.
 
     output: a name with or without suffix, or a folder; NAME in the current folder by default. formats: "png", "pdf"
     (both by default, unless the suffix of `output` says one), for the animation "gif" or "mp4". with_csv: write the
@@ -47,8 +55,8 @@ def make_figure(
         for suffix in formats:
             written.append(stem.with_name(f"{stem.name}.{suffix}"))
             panels[0].write(written[-1])
-        return written + (write_tables(panels, stem) if with_csv else [])
-    return write_page(panels, kind.size, stem, formats, with_csv)
+        return Drawn(written + (write_tables(panels, stem) if with_csv else []), runs.notes)
+    return Drawn(write_page(panels, kind.size, stem, formats, with_csv), runs.notes)
 
 
 def _taken(kind: FigureKind) -> str:

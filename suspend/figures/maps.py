@@ -58,6 +58,8 @@ class DirectionMaps(Panel):
             bar = page.colorbar(drawn, ax=row.tolist(), shrink=0.75, aspect=10, extend="max")
             bar.ax.tick_params(labelsize=6, direction="out", right=True)
         bar.set_label("density / isotropic", fontsize=6)
+        for ax in axes[-1]:
+            ax.set_xlabel("longitudes −90°, 0 (flow), 90°", fontsize=6)
         for (name, _), ax in zip(STATES, axes[0], strict=True):
             ax.set_title(name, fontsize=8, pad=5)
         page.suptitle(title_of(self.member), fontsize=7)

@@ -120,7 +120,7 @@ FIGURES = tuple(
             "6",
             "directions of neighbours at three peaks of g(r), initial and final",
             "maps:DirectionMaps",
-            (SINGLE, 3.6),
+            (SINGLE, 3.0),
         ),
         (
             "clusters",

@@ -27,6 +27,7 @@ class Member:
     scales: dict[str, float]
     far_field: bool
     seed: int
+    cycles: int
 
     @property
     def phi(self) -> float:
@@ -106,8 +107,8 @@ def open_runs(paths: Iterable[os.PathLike | str], last: int | None = None) -> Ru
     """The runs at the paths: run folders, trajectory files, folders that hold runs, or glob patterns.
 
     `last`: how many of the last cycles steady-state values are averaged over. Each run is opened once to read its
-    parameters; one that cannot be read is left out and noted if there are others. Raises StorageError (missing,
-    truncated, foreign), ConfigurationError (no runs).
+    parameters; one that cannot be read, or has no complete cycle, is left out and noted if there are others. Raises
+    StorageError (missing, truncated, foreign), ConfigurationError (no runs).
     """
     found = find_runs(list(paths))
     if not found:
@@ -120,14 +121,18 @@ def open_runs(paths: Iterable[os.PathLike | str], last: int | None = None) -> Ru
             problems.append(error)
     if not members:
         raise problems[0]
-    return Runs(members, last, [f"left out: {error}" for error in problems])
+    notes = [f"left out: {error}" for error in problems]
+    if any(m.cycles for m in members):
+        notes += [f"left out: {m.path}: it has no complete cycle" for m in members if not m.cycles]
+        members = [m for m in members if m.cycles]
+    return Runs(members, last, notes)
 
 
 def _member(path: Path) -> Member:
     with Run(path) as run:
         flow, scales = read_scales(run)
         config = run.config
-        return Member(path, flow, scales, config.get("far_field") == "ewald", int(config.get("seed") or 0))
+        return Member(path, flow, scales, config.get("far_field") == "ewald", int(config.get("seed") or 0), run.cycles)
 
 
 def oscillatory(runs: Runs) -> Runs:

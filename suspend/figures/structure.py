@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from suspend.analysis.microstructure import (
+    BetaFit,
     NearestNeighbourGraph,
     NeighbourDistances,
     NumberVariance,
@@ -21,8 +24,12 @@ from suspend.figures.panel import Columns, Panel, labelled, stack
 from suspend.figures.runs import Member, Runs, oscillatory
 from suspend.figures.style import BLACK, BLUE, GREY, MARKERS, ORANGE, log_axis_of, number
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 CRITICAL = 0.8  # amplitude of the paper's figures of the microstructure, at phi = 0.40
 STATES = (("initial", BLUE), ("final", ORANGE))
+_UNRESOLVED = 0.5  # error of beta_infinity above which a fit says nothing
 _FINAL = 8  # cycle starts that make the final state
 
 
@@ -44,15 +51,21 @@ def two_states(member: Member, tables: list[Columns]) -> Columns:
     )
 
 
-def title_of(member: Member) -> str:
-    """phi, gamma0 and N of the run."""
-    return rf"$\phi = {number(member.phi)}$, $\gamma_0 = {number(member.gamma0)}$, $N = {member.number}$"
+def title_of(member: Member, lines: int = 1) -> str:
+    """phi, gamma0 and N of the run, in one line or two."""
+    first = rf"$\phi = {number(member.phi)}$, $\gamma_0 = {number(member.gamma0)}$"
+    return first + (", " if lines == 1 else "\n") + rf"$N = {member.number}$"
+
+
+def keyed(ax: Axes, member: Member, **where) -> None:
+    """A legend under the parameters of the run."""
+    ax.legend(title=title_of(member, 2), title_fontsize=6.5, alignment="left", **where)
 
 
 class Clusters(Panel):
     """Sizes and shapes of the clusters of the nearest-neighbour graph, initial above, final below."""
 
-    aspect = 1.9
+    aspect = 1.7
 
     def __init__(self, runs: Runs):
         self.member = oscillatory(runs).nearest(CRITICAL)
@@ -76,7 +89,7 @@ class Clusters(Panel):
             right.axvline(1.938, color=GREY, linewidth=0.6, linestyle=":", zorder=3)
             left.text(0.95, 0.92, name, transform=left.transAxes, ha="right", va="top")
             left.set_ylabel("share of clusters")
-            right.set_ylabel("probability density")
+            right.set_ylabel("density")
         axes[0, 0].set_xlim(1.0, max(g.sizes.max() for g in self.graphs) + 1.0)
         axes[0, 1].text(
             1.938, 0.98, " doublet\n at 2.1 a", transform=axes[0, 1].get_xaxis_transform(), fontsize=6, va="top"
@@ -103,8 +116,7 @@ class NeighbourDistance(Panel):
             ax.plot(found.k, found.distance, marker + "-", color=colour, label=name, linewidth=0.7)
         ax.set(xlabel=r"$k$", ylabel=r"$\langle r_k\rangle/a$")
         ax.margins(y=0.1)
-        ax.legend(loc="upper left")
-        ax.set_title(title_of(self.member), loc="right", fontsize=6, pad=2)
+        keyed(ax, self.member, loc="upper left")
 
 
 class NumberVarianceExponent(Panel):
@@ -114,10 +126,7 @@ class NumberVarianceExponent(Panel):
         self.member = max([m for m in oscillatory(runs) if _equals(m, runs.nearest(CRITICAL))], key=lambda m: m.number)
         with self.member.open() as run:
             self.variance = NumberVariance(spaced(24), centres=8000).compute(run)
-        try:
-            self.fit, self.why = self.variance.fit(), ""
-        except ConfigurationError as error:
-            self.fit, self.why = None, str(error)
+        self.fit = _resolved_fit(self.variance)
 
     def tables(self) -> dict[str, Columns]:
         """beta and its error by total strain; sigma_n^2(r) at the ends; the fit where there is one."""
@@ -140,13 +149,24 @@ class NumberVarianceExponent(Panel):
         )
         if self.fit is not None:
             x = np.geomspace(1.0, strain.max(), 200)
-            label = rf"$\nu = {self.fit.nu:.2f}$, $\beta_\infty = {self.fit.beta_inf:.2f}$"
+            label = rf"$\nu = {self.fit.nu:.2f}$" + "\n" + rf"$\beta_\infty = {self.fit.beta_inf:.2f}$"
             ax.plot(x, self.fit(x - 1.0), "--", color=BLACK, linewidth=0.8, label=label)
-            ax.legend(loc="lower left")
+        else:
+            ax.plot([], [], " ", label="no decay resolved")
         log_axis_of(ax, "x", strain)
         ax.set(xlabel=r"$1 + \gamma_\mathrm{tot}$", ylabel=r"$\beta$")
-        ax.margins(y=0.15)
-        ax.set_title(title_of(self.member), loc="right", fontsize=6, pad=2)
+        low, high = ax.get_ylim()
+        ax.set_ylim(low, high + 0.45 * (high - low))  # room for the legend
+        keyed(ax, self.member, loc="upper right")
+
+
+def _resolved_fit(variance: NumberVariance) -> BetaFit | None:
+    """The fit of beta(gamma_tot), unless it says nothing: no decay, or beta_infinity uncertain by more than 0.5."""
+    try:
+        fit = variance.fit()
+    except ConfigurationError:
+        return None
+    return fit if fit.nu < 0.0 and fit.beta_inf_error < _UNRESOLVED and fit.beta_inf < fit.beta0 else None
 
 
 def _equals(a: Member, b: Member) -> bool:
@@ -172,8 +192,7 @@ class Pairs(Panel):
             ax.step(found.r, found.g, where="mid", color=colour, label=name, linewidth=0.9)
         ax.axhline(1.0, color=GREY, linewidth=0.4, zorder=0)
         ax.set(xlabel=r"$r/a$", ylabel=r"$g(r)$", xlim=(1.8, None), ylim=(0.0, None))
-        ax.legend()
-        ax.set_title(title_of(self.member), loc="right", fontsize=6, pad=2)
+        keyed(ax, self.member)
 
 
 class ShearPlane(Panel):
@@ -222,5 +241,4 @@ class Scattering(Panel):
         log_axis_of(ax, "x", np.concatenate([f.q for f in self.found]))
         log_axis_of(ax, "y", np.concatenate([f.s for f in self.found]), 1.6)
         ax.set(xlabel=r"$qa$", ylabel=r"$S(q)$")
-        ax.legend()
-        ax.set_title(title_of(self.member), loc="right", fontsize=6, pad=2)
+        keyed(ax, self.member)
