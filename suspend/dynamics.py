@@ -185,9 +185,8 @@ class Suspension:
     def _add_pair_forces(self, position: np.ndarray, tilt: float, load: np.ndarray) -> None:
         chunks = self.near.chunks if self.near is not None else self.chunks
         self.pair_stress, gap, self.overlaps = pair_forces(
-            chunks, self.list.pairs, self.list.offset, position, self.scene.edge, tilt,
-            self.scene.force, self.force_range, load,
-        )  # fmt: skip
+            chunks, self.list.at(position, tilt), self.scene.force, self.force_range, load
+        )
         self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
         if not np.isfinite(self.pair_stress).all():
             raise Overlap(gap)
@@ -298,13 +297,5 @@ class Suspension:
                 self.scene.odd_table, position, self.scene.edge, tilt, velocity, rate * self.strain_rate
             )
         if self.force_range > 0.0:
-            each += stress_per_sphere(
-                self.list.pairs,
-                self.list.offset,
-                position,
-                self.scene.edge,
-                tilt,
-                self.scene.force,
-                self.force_range,
-            )
+            each += stress_per_sphere(self.list.at(position, tilt), self.scene.force, self.force_range)
         return 6.0 * np.pi / self.scene.edge**3 * each

@@ -67,13 +67,14 @@ def force_law(force, gap):
 
 
 @kernel
-def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, load, stress, each):
+def _force_rows(first, last, placed, force, reach, load, stress, each):
     """Add pair forces of spheres first:last to `load` (N, 6), virial to `stress` (6,).
 
     Returns (smallest gap, overlaps).
 
     `each` (N, 6) takes the stress per sphere, half a pair's to either; pass a (0, 6) array to leave it out.
     """
+    pairs, offset, position, edge, tilt = placed
     smallest, overlaps = np.inf, 0
     for i in range(first, last):
         for p in range(offset[i], offset[i + 1]):
@@ -102,7 +103,7 @@ def _force_rows(first, last, pairs, offset, position, edge, tilt, force, reach, 
 
 
 @parallel_kernel
-def _pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
+def _pair_forces(chunks, placed, force, reach, load):
     """Every thread's virial stress, smallest gap and overlaps; reductions in here would depend on the threads."""
     threads = chunks.shape[0] - 1
     partial = np.zeros((threads, load.shape[0], 6))
@@ -112,38 +113,28 @@ def _pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load
     none = np.zeros((0, 6))
     for t in numba.prange(threads):
         smallest[t], overlaps[t] = _force_rows(
-            chunks[t],
-            chunks[t + 1],
-            pairs,
-            offset,
-            position,
-            edge,
-            tilt,
-            force,
-            reach,
-            partial[t],
-            stress[t],
-            none,
+            chunks[t], chunks[t + 1], placed, force, reach, partial[t], stress[t], none
         )
     for t in range(threads):
         load += partial[t]
     return stress, smallest, overlaps
 
 
-def pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load):
+def pair_forces(chunks, placed, force, reach, load):
     """Add the pair forces within centre distance `reach` to `load` (N, 6).
 
+    chunks : (T + 1,) int64, spheres of each thread; placed : `PlacedPairs` that hold all pairs within `reach`.
     Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a;
     smallest gap within `reach`; number of overlapping pairs).
     """
-    stress, smallest, overlaps = _pair_forces(chunks, pairs, offset, position, edge, tilt, force, reach, load)
+    stress, smallest, overlaps = _pair_forces(chunks, placed, force, reach, load)
     return stress.sum(axis=0), smallest.min(), overlaps.sum()
 
 
-def stress_per_sphere(pairs, offset, position, edge, tilt, force, reach) -> np.ndarray:
+def stress_per_sphere(placed, force, reach) -> np.ndarray:
     """Interparticle stress of each sphere, -1/2 sum_j (x_i - x_j) F_ij, (N, 6) in F_stk a."""
-    number = position.shape[0]
+    number = placed.position.shape[0]
     each = np.zeros((number, 6))
     load, total = np.zeros((number, 6)), np.zeros(6)
-    _force_rows(0, number, pairs, offset, position, edge, tilt, force, reach, load, total, each)
+    _force_rows(0, number, placed, force, reach, load, total, each)
     return each

@@ -33,8 +33,9 @@ def evaluate(force, position, edge, tilt=0.0, threads=1):
     verlet.build(position, 0.0, tilt)
     load = np.zeros((len(position), 6))
     chunks = split_rows(verlet.offset, threads)
-    found = pair_forces(chunks, verlet.pairs, verlet.offset, position, edge, tilt, force, reach, load)
-    each = stress_per_sphere(verlet.pairs, verlet.offset, position, edge, tilt, force, reach)
+    placed = verlet.at(position, tilt)
+    found = pair_forces(chunks, placed, force, reach, load)
+    each = stress_per_sphere(placed, force, reach)
     return load, *found, each
 
 

@@ -11,7 +11,7 @@ from suspend.errors import NumericalError
 from suspend.hydro.nearfield import NearField, pair_table
 from suspend.hydro.neighbours import VerletList
 from suspend.packing import random_packing
-from suspend.solvers.conjugate_gradient import DELAY, conjugate_gradient
+from suspend.solvers.conjugate_gradient import DELAY, Goal, conjugate_gradient
 from suspend.solvers.incomplete import apply_factor
 
 DRAGS = (1.0, ROTATIONAL_DRAG)
@@ -227,9 +227,8 @@ def test_factor_of_a_tree_is_exact(shape):
     assert np.abs(factor_inverse(near) - inverse).max() <= 5e-8 * np.abs(inverse).max()
     load = np.random.default_rng(1).normal(size=(len(position), 6))
     velocity = np.zeros_like(load)
-    conjugate_gradient(
-        near.active, near.scalars, near.factor, near.chunks, load, velocity, DRAGS, 1e-10, 0.0, 2
-    )
+    goal = Goal(1e-10, 0.0, 2)
+    conjugate_gradient(near.chunks, near.active, near.scalars, DRAGS, near.factor, load, velocity, goal)
     assert energy_error(matrix, velocity, exact(matrix, load)) <= 1e-9
 
 

@@ -86,6 +86,16 @@ class ActivePairs(NamedTuple):
     gap: np.ndarray  # (P,) surface gap h, radii
 
 
+class PlacedPairs(NamedTuple):
+    """A neighbour list together with the positions that its pairs are looked at in."""
+
+    pairs: np.ndarray  # (P, 5) int32: i, j and the image numbers of j (`suspend.hydro.neighbours`)
+    offset: np.ndarray  # (N+1,) int64, pairs of sphere i are rows offset[i]:offset[i+1]
+    position: np.ndarray  # (N, 3), radii
+    edge: float  # of the cell, radii
+    tilt: float
+
+
 @scalar
 def separation(pairs, p, position, edge, tilt):
     """Vector from sphere i to the image of sphere j that row p of a neighbour list names (three floats)."""
@@ -98,12 +108,13 @@ def separation(pairs, p, position, edge, tilt):
 
 
 @kernel
-def assemble_rows(first, last, pairs, offset, position, edge, tilt, table, active, scalars):
+def assemble_rows(first, last, placed, table, active, scalars):
     """Scalars of the pairs of spheres first:last that are closer than the cutoff, packed sphere by sphere.
 
     active.row[i] = (begin, end) of sphere i's packed pairs, active.other[p] = the other sphere of pair p.
     Returns the smallest gap (inf without a pair). A gap <= 0 with unfrozen functions ends the loop at once.
     """
+    pairs, offset, position, edge, tilt = placed
     smallest = np.inf
     q = offset[first]
     for i in range(first, last):
@@ -240,35 +251,36 @@ def add_own_block(s, p, sign, block):
 
     sign : +1 for i, -1 for j (e reversed).
     """
-    ax, ay = s[p, 3] + s[p, 5], s[p, 4] + s[p, 6]
-    cx, cy = s[p, 9] + s[p, 11], s[p, 10] + s[p, 12]
-    _fill_block(s, p, ax, ay, sign * (s[p, 7] + s[p, 8]), sign * (s[p, 7] + s[p, 8]), cx, cy, block)
+    a = s[p, 3] + s[p, 5], s[p, 4] + s[p, 6]
+    b = sign * (s[p, 7] + s[p, 8])
+    c = s[p, 9] + s[p, 11], s[p, 10] + s[p, 12]
+    _fill_block(s, p, a, (b, b), c, block)
 
 
 @scalar
 def add_cross_block(s, p, block):
     """Add a pair's resistance of i to the motion of j to `block` (6, 6); its transpose is that of j to i."""
-    ax, ay = s[p, 3] - s[p, 5], s[p, 4] - s[p, 6]
-    cx, cy = s[p, 9] - s[p, 11], s[p, 10] - s[p, 12]
+    a = s[p, 3] - s[p, 5], s[p, 4] - s[p, 6]
     b = s[p, 7] - s[p, 8]
-    _fill_block(s, p, ax, ay, -b, b, cx, cy, block)
+    c = s[p, 9] - s[p, 11], s[p, 10] - s[p, 12]
+    _fill_block(s, p, a, (-b, b), c, block)
 
 
 @scalar
-def _fill_block(s, p, ax, ay, force_spin, torque_speed, cx, cy, block):
-    """block += [[A, f K], [t K^T, C]] with A = ax ee + ay, C = cx ee + cy, K v = e x v."""
+def _fill_block(s, p, a, b, c, block):
+    """block += [[A, b0 K], [b1 K^T, C]] with A = a0 ee + a1, C = c0 ee + c1, K v = e x v."""
     e = (s[p, 0], s[p, 1], s[p, 2])
     for m in range(3):
         for n in range(3):
-            block[m, n] += ax * e[m] * e[n]
-            block[3 + m, 3 + n] += cx * e[m] * e[n]
-        block[m, m] += ay
-        block[3 + m, 3 + m] += cy
+            block[m, n] += a[0] * e[m] * e[n]
+            block[3 + m, 3 + n] += c[0] * e[m] * e[n]
+        block[m, m] += a[1]
+        block[3 + m, 3 + m] += c[1]
         after, before = (m + 1) % 3, (m + 2) % 3  # K[m, after] = -e[before], K[m, before] = e[after]
-        block[m, 3 + after] -= force_spin * e[before]
-        block[m, 3 + before] += force_spin * e[after]
-        block[3 + after, m] -= torque_speed * e[before]
-        block[3 + before, m] += torque_speed * e[after]
+        block[m, 3 + after] -= b[0] * e[before]
+        block[m, 3 + before] += b[0] * e[after]
+        block[3 + after, m] -= b[1] * e[before]
+        block[3 + before, m] += b[1] * e[after]
 
 
 @scalar

@@ -20,6 +20,7 @@ from suspend.core.pairs import (
     WIDTH,
     ActivePairs,
     PairTable,
+    PlacedPairs,
     assemble_rows,
     evaluate_combined,
     strain_loads_rows,
@@ -29,7 +30,7 @@ from suspend.core.pairs import (
 from suspend.errors import ConfigurationError, NumericalError
 from suspend.hydro.rows import split_rows
 from suspend.hydro.table import largest_gap, load_table
-from suspend.solvers.conjugate_gradient import conjugate_gradient
+from suspend.solvers.conjugate_gradient import Goal, conjugate_gradient
 from suspend.solvers.incomplete import factorise
 
 _NAMES = ("XA", "YA", "YB", "XC", "YC", "XG", "YG", "YH", "XM", "YM", "ZM")
@@ -96,12 +97,10 @@ class Solution:
 
 
 @parallel_kernel
-def _assemble(chunks, pairs, offset, position, edge, tilt, table, active, scalars):
+def _assemble(chunks, placed, table, active, scalars):
     smallest = np.full(chunks.shape[0] - 1, np.inf)
     for t in numba.prange(chunks.shape[0] - 1):
-        smallest[t] = assemble_rows(
-            chunks[t], chunks[t + 1], pairs, offset, position, edge, tilt, table, active, scalars
-        )
+        smallest[t] = assemble_rows(chunks[t], chunks[t + 1], placed, table, active, scalars)
     return smallest.min()
 
 
@@ -149,9 +148,8 @@ class NearField:
 
     def assemble(self, position: np.ndarray, edge: float, tilt: float) -> float:
         """Scalars of all pairs at these positions; returns the smallest gap (inf without pairs)."""
-        return _assemble(
-            self.chunks, self.pairs, self.offset, position, edge, tilt, self.table, self.active, self.scalars
-        )
+        placed = PlacedPairs(self.pairs, self.offset, position, edge, tilt)
+        return _assemble(self.chunks, placed, self.table, self.active, self.scalars)
 
     def strain_loads(self, strain_rate: np.ndarray) -> np.ndarray:
         """R_FE : E, shape (N, 6)."""
@@ -166,17 +164,9 @@ class NearField:
     def solve(self, load, start, tolerance: float, floor2: float, limit: int) -> Solution:
         """Velocities (N, 6) for `load` (N, 6), started from `start`; raises NumericalError at the limit."""
         velocity = start.copy()
+        goal = Goal(tolerance, floor2, limit)
         iterations, error = conjugate_gradient(
-            self.active,
-            self.scalars,
-            self.factor,
-            self.chunks,
-            load,
-            velocity,
-            self.drags,
-            tolerance,
-            floor2,
-            limit,
+            self.chunks, self.active, self.scalars, self.drags, self.factor, load, velocity, goal
         )
         if not error <= tolerance:
             raise NumericalError(
@@ -194,7 +184,8 @@ class NearField:
         """The same for every sphere, (N, 6); `odd` is `pair_table(..., odd=True)` of the same cutoff."""
         difference = np.empty_like(self.scalars)
         active = ActivePairs(*(np.empty_like(array) for array in self.active))
-        _assemble(self.chunks, self.pairs, self.offset, position, edge, tilt, odd, active, difference)
+        placed = PlacedPairs(self.pairs, self.offset, position, edge, tilt)
+        _assemble(self.chunks, placed, odd, active, difference)
         each = np.zeros((len(position), 6))
         stresslet_of_each(self.active, self.scalars, difference, velocity, strain_rate, each)
         return each

@@ -3,21 +3,34 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from suspend.box import flips_of, wrap
 from suspend.core.jit import kernel, parallel_kernel, scalar
+from suspend.core.pairs import PlacedPairs
+
+
+class Bins(NamedTuple):
+    """Spheres sorted into cells x cells x cells equal parts of the periodic cell, the first running fastest."""
+
+    position: np.ndarray  # (N, 3)
+    edge: float
+    tilt: float
+    cells: int
+    start: np.ndarray  # (cells^3 + 1,) int64
+    member: np.ndarray  # (N,) int64, spheres of part c are member[start[c]:start[c+1]]
 
 
 @scalar
-def _scan(i, position, edge, tilt, reach, grid, start, member, pairs, first):
+def _scan(i, bins, reach, pairs, first):
     """Pairs of sphere i with spheres j > i (or its own images, each once) closer than `reach`.
 
     Writes (i, j, n1, n2, n3) to `pairs` from row `first` on if `first` >= 0; returns the number of pairs.
     """
-    cells = grid
+    position, edge, tilt, cells, start, member = bins
     width = edge / cells
     span = math.ceil(reach / width)
     span_x = math.ceil(reach * math.sqrt(1.0 + tilt * tilt) / width)
@@ -57,7 +70,7 @@ def _scan(i, position, edge, tilt, reach, grid, start, member, pairs, first):
 
 @scalar
 def _bin(position, edge, tilt, cells):
-    """Spheres sorted by cell of the lattice grid: (start of each cell, members)."""
+    """Sort the spheres into `Bins`."""
     number = position.shape[0]
     width = edge / cells
     cell_of = np.empty(number, np.int64)
@@ -75,23 +88,22 @@ def _bin(position, edge, tilt, cells):
     for i in range(number):
         member[fill[cell_of[i]]] = i
         fill[cell_of[i]] += 1
-    return start, member
+    return Bins(position, edge, tilt, cells, start, member)
 
 
 @parallel_kernel
-def _build(position, edge, tilt, reach, cells):
+def _build(bins, reach):
     """All pairs closer than `reach`, sorted by their first sphere; int32 (P, 5) and row offsets (N+1,)."""
-    number = position.shape[0]
-    start, member = _bin(position, edge, tilt, cells)
+    number = bins.position.shape[0]
     row = np.zeros(number + 1, np.int64)
     nothing = np.empty((0, 5), np.int32)
     for i in numba.prange(number):
-        row[i + 1] = _scan(i, position, edge, tilt, reach, cells, start, member, nothing, -1)
+        row[i + 1] = _scan(i, bins, reach, nothing, -1)
     for i in range(number):
         row[i + 1] += row[i]
     pairs = np.empty((row[number], 5), np.int32)
     for i in numba.prange(number):
-        _scan(i, position, edge, tilt, reach, cells, start, member, pairs, row[i])
+        _scan(i, bins, reach, pairs, row[i])
     return pairs, row
 
 
@@ -111,7 +123,7 @@ def find_pairs(position: np.ndarray, edge: float, tilt: float, reach: float) -> 
     """
     # cells of about half the reach: fewer candidates than cells of one reach, few empty cells at N = 10^5
     cells = max(1, min(int(edge / (0.5 * reach)), 1 + round(2.0 * position.shape[0] ** (1.0 / 3.0))))
-    return _build(position, edge, tilt, reach, cells)
+    return _build(_bin(position, edge, tilt, cells), reach)
 
 
 def stretch(strain_increment: float) -> float:
@@ -147,6 +159,10 @@ class VerletList:
         self.reference = position.copy()
         self.strain, self.tilt = strain, tilt
         self.builds += 1
+
+    def at(self, position: np.ndarray, tilt: float) -> PlacedPairs:
+        """The list with the positions (N, 3) and the tilt its pairs are wanted at."""
+        return PlacedPairs(self.pairs, self.offset, position, self.edge, tilt)
 
     def valid(self, position: np.ndarray, strain: float) -> bool:
         """Whether the list still holds every pair within the cutoff at these positions and this strain."""

@@ -127,6 +127,7 @@ def _from_configuration(path: Path, choices: Choices) -> Problem:
 
 def _add_pair_forces(config: Config, scene: PeriodicScene, loads: np.ndarray) -> float:
     """Add repulsion and contact to `loads` (N, 6); returns the xy stress, summed over the spheres."""
+    from suspend.core.pairs import PlacedPairs
     from suspend.forces import interaction_range, pair_force, pair_forces
     from suspend.hydro.neighbours import find_pairs
     from suspend.hydro.rows import split_rows
@@ -137,8 +138,8 @@ def _add_pair_forces(config: Config, scene: PeriodicScene, loads: np.ndarray) ->
         return 0.0
     position, tilt = scene.wrapped(), scene.reduced_tilt
     pairs, offset = find_pairs(position, scene.edge, tilt, reach)
-    chunks = split_rows(offset, 1)
-    stress, _, _ = pair_forces(chunks, pairs, offset, position, scene.edge, tilt, force, reach, loads)
+    placed = PlacedPairs(pairs, offset, position, scene.edge, tilt)
+    stress, _, _ = pair_forces(split_rows(offset, 1), placed, force, reach, loads)
     return float(stress[3])
 
 

@@ -9,6 +9,8 @@ of that norm over the last `DELAY` iterations is the sum of alpha_k r_k.z_k (Hes
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
@@ -17,6 +19,17 @@ from suspend.core.pairs import apply_rows
 from suspend.solvers.incomplete import apply_factor
 
 DELAY = 2  # iterations over which the decrease of the error is summed
+
+
+class Goal(NamedTuple):
+    """When to stop: at the relative error `tolerance`, or after `limit` iterations.
+
+    The error is that of the velocity in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)).
+    """
+
+    tolerance: float
+    floor2: float
+    limit: int
 
 
 @kernel
@@ -84,14 +97,14 @@ def _turn(beta, preconditioned, direction):
 
 
 @parallel_kernel
-def conjugate_gradient(active, scalars, factor, chunks, load, velocity, drags, tolerance, floor2, limit):
+def conjugate_gradient(chunks, active, scalars, drags, factor, load, velocity, goal):
     """Solve (R_self + R_nf) velocity = load, starting from and overwriting `velocity` (N, 6).
 
-    chunks : (T + 1,) int64, spheres of each thread; drags : (drag, rotational drag); tolerance : relative
-    error in velocity, in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)); limit :
-    iterations. Returns (iterations, estimated relative error); the estimate exceeds the tolerance if the
-    limit was reached.
+    chunks : (T + 1,) int64, spheres of each thread; active, scalars : R_nf (`suspend.core.pairs`); drags : of
+    R_self, (drag, rotational drag); factor : `suspend.solvers.incomplete.Factor`; goal : `Goal`. Returns
+    (iterations, estimated relative error); the estimate exceeds the tolerance if the limit was reached.
     """
+    tolerance, floor2, limit = goal
     drag, rotational_drag = drags
     number, threads = load.shape[0], chunks.shape[0] - 1
     domains = factor.bounds.shape[0] - 1
