@@ -31,7 +31,8 @@ class Member:
 
     values, errors: by name (see `Collection`), errors with the correlation of the cycles included; drifting: names of
     DRIFT_WATCHED whose trend over the last half of the run is significant; state: absorbing, diffusing or undecided
-    (see `Relaxation`); total_strain: gamma_tot at the end of the last averaged cycle; setup: physics of the run by key.
+    (see `Relaxation`); total_strain: gamma_tot at the end of the last averaged cycle; setup: physics of the run by key;
+    notes: those of `analyze`.
     """
 
     path: str
@@ -40,6 +41,7 @@ class Member:
     number: int
     seed: int
     cycles: int
+    finished: bool
     last: int
     total_strain: float
     values: dict[str, float]
@@ -131,7 +133,7 @@ class Collection(Quantity):
         try:
             with Run(path) as run:
                 analysis = analyze_run(run, None, str(path))
-                config = run.config
+                config, finished = run.config, run.finished
         except StorageError as error:
             self._notes.append(f"left out: {error}")
             return None
@@ -143,7 +145,7 @@ class Collection(Quantity):
         if why is None:
             ends = np.flatnonzero(analysis.total_strain <= (self.strain or math.inf) * (1.0 + 1e-9))
             if ends.size:
-                return _member(analysis, config, len(ends), self.last)
+                return _member(analysis, config, finished, len(ends), self.last)
             why = f"its first cycle ends beyond total strain {self.strain:g}"
         self._notes.append(f"left out: {path}: {why}")
         return None
@@ -208,7 +210,7 @@ class Collection(Quantity):
         ax.legend(frameon=False)
 
 
-def _member(analysis: Analysis, config: Mapping, cycles: int, last: int | None) -> Member:
+def _member(analysis: Analysis, config: Mapping, finished: bool, cycles: int, last: int | None) -> Member:
     scales, error = analysis.scales, analysis.statistics.get("position_error", 0.0)
     d_cyc, gamma_tot = analysis.d_cyc[:cycles], analysis.total_strain[:cycles]
     window = min(last or max(4, cycles // 8), cycles)
@@ -228,6 +230,7 @@ def _member(analysis: Analysis, config: Mapping, cycles: int, last: int | None) 
         number=int(scales["number"]),
         seed=int(config.get("seed", 0)),
         cycles=cycles,
+        finished=finished,
         last=window,
         total_strain=float(gamma_tot[-1]),
         values=values,
@@ -284,14 +287,20 @@ def _rounded(value: float) -> float:
     return float(f"{value:.9g}")
 
 
+def _names(members: Sequence[Member], most: int = 6) -> str:
+    names = ", ".join(f"{Path(m.path).name} ({m.total_strain:g})" for m in members[:most])
+    return names + (f" and {len(members) - most} more" if len(members) > most else "")
+
+
 def _shared_notes(members: Sequence[Member]) -> list[str]:
-    notes = [f"{m.path}: {note}" for m in members for note in m.notes]
+    notes = []
+    going = [m for m in members if not m.finished]
+    if going:
+        notes.append(f"not finished, their complete cycles so far are used: {_names(going)}")
     ends = np.array([m.total_strain for m in members])
     short = [m for m in members if m.total_strain < 0.95 * ends.max()]
     if short:
-        names = ", ".join(f"{Path(m.path).name} ({m.total_strain:g})" for m in short[:6])
-        more = f" and {len(short) - 6} more" if len(short) > 6 else ""
-        notes.append(f"total strain is {ends.max():g} at most; shorter: {names}{more}: compare with care")
+        notes.append(f"total strain is {ends.max():g} at most; shorter: {_names(short)}: compare with care")
     twins: dict[tuple, list[str]] = {}
     for m in members:
         key = (_rounded(m.phi), _rounded(m.gamma0), m.seed, repr(sorted(m.setup.items())))
