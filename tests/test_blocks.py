@@ -30,7 +30,7 @@ def reversed_run(path, blocks: int = 20, turn: int = 4):
 
 
 def test_averages_after_a_reversal(tmp_path):
-    """Last half after the reversal: eta_r = 6 within four errors of 0.1/sqrt(8), N1/sigma = -0.5/6, N2/sigma = -1.5/6."""
+    """Last half after the reversal: eta_r = 6 within four errors of 0.1/sqrt(8); N1/sigma = -0.5/6, N2/sigma -1.5/6."""
     path = reversed_run(tmp_path / "run")
     with Run(path) as run:
         found = SteadyStresses().compute(run)

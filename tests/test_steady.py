@@ -113,6 +113,20 @@ def test_smooth_relaxation_drifts():
             assert steady_average(3.0 + 0.01 * curve, 4).drifting
 
 
+def test_verdicts():
+    """White noise is steady, a line drifts, two values say nothing, one period of a wave in the window is slow.
+
+    The wave has no slope but changes as slowly as the window is long: neither drift nor steadiness is shown.
+    """
+    t = np.linspace(0.0, 1.0, 40)
+    wave = np.concatenate([np.zeros(40), np.cos(2.0 * np.pi * t)])
+    assert steady_average(wave, 5).verdict == "slow"
+    assert steady_average(correlated(0.0, 80, 1)[0], 5).verdict == "steady"
+    assert steady_average(np.linspace(0.0, 1.0, 80), 5).verdict == "drifting"
+    assert steady_average(np.array([1.0, 2.0]), 2).verdict == "unknown"
+    assert steady_average(np.full(40, 2.5), 5).as_dict()["verdict"] == "steady"
+
+
 def test_constants_do_not_drift():
     """A constant, its round-off, and an exact straight line: no error; p = 1, 1 and 0."""
     assert steady_average(np.full(40, 2.5), 5).p_value == 1.0

@@ -39,6 +39,7 @@ class SteadyAverage:
     give this error; correlation: rho (NaN: too few cycles to tell, taken as independent); change: of the straight
     line through the last `reference` values, from end to end; p_value: probability of such a slope without drift;
     drifting: p_value below the significance asked for. NaN where there are too few values (error: 3, drift: 4).
+    `verdict` says what the test allows to say.
     """
 
     mean: float
@@ -51,9 +52,22 @@ class SteadyAverage:
     cycles: int
     reference: int
 
+    @property
+    def verdict(self) -> str:
+        """ "drifting"; "slow", changes as long as the window: drift or not cannot be told; "steady"; "unknown".
+
+        slow: the reference window amounts to fewer than four independent cycles. unknown: too few values.
+        """
+        if not math.isfinite(self.p_value):
+            return "unknown"
+        if self.drifting:
+            return "drifting"
+        rho = self.correlation if math.isfinite(self.correlation) else 0.0
+        return "slow" if self.reference * (1.0 - rho) / (1.0 + rho) < _LEAST else "steady"
+
     def as_dict(self) -> dict[str, Any]:
-        """Plain types by name."""
-        return asdict(self)
+        """Plain types by name, the verdict included."""
+        return asdict(self) | {"verdict": self.verdict}
 
 
 def steady_average(values: np.ndarray, last: int, significance: float = SIGNIFICANCE) -> SteadyAverage:

@@ -119,7 +119,8 @@ class Analysis:
         number of independent cycles that amounts to; `change` is the slope of a straight line through the averaged
         values times the length of their window: larger than the error, the run is still evolving. `drift` is the
         like change over the last half of the run, `p_value` the probability of such a trend without drift,
-        `drifting` whether that is below 1 %. NaN where too few values exist (error, change: 3, p_value: 4).
+        `drifting` whether that is below 1 %, `verdict` also whether steadiness can be told at all. NaN where too few
+        values exist (error, change: 3, p_value: 4).
         """
         rows = {}
         for column in self.columns:
@@ -133,6 +134,7 @@ class Analysis:
                     "drift": found.change,
                     "p_value": found.p_value,
                     "drifting": found.drifting,
+                    "verdict": found.verdict,
                 }
         return rows
 
@@ -163,6 +165,7 @@ class Analysis:
             "significance": SIGNIFICANCE,
             "tested": len(tested),
             "drifting": [name for name, found in tested.items() if found.drifting],
+            "slow": [name for name, found in tested.items() if found.verdict == "slow"],
         }
 
     def _measures(self) -> dict[str, Any]:
@@ -252,23 +255,44 @@ def _direction_begins(columns: tuple[str, ...], values: np.ndarray) -> int:
 
 def _drift_notes(analysis: Analysis) -> list[str]:
     """Whether the averages are those of a steady state."""
-    names = {"eta_r_prime": "eta_r'", "eta_r_double_prime": "eta_r''", "eta_r": "eta_r", "N2_nu0": "N2:nu0"}
-    found = {label: analysis.steady[name] for name, label in names.items() if name in analysis.steady}
-    tested = {label: each for label, each in found.items() if math.isfinite(each.p_value)}
-    end = analysis.total_strain[-1] if found else 0.0
-    like = "; the paper's runs drift past total strain 100 too" if analysis.oscillatory and end > _PAPER_DRIFT else ""
-    if any(each.drifting for each in tested.values()):
-        changes = ", ".join(
-            f"{label} by {each.change:.2g} (now {each.mean:.4g})" for label, each in tested.items() if each.drifting
-        )
-        begin = analysis.total_strain[len(analysis.values) - next(iter(tested.values())).reference]
-        return [f"not steady: from total strain {begin:.4g} to {end:.4g} there is a drift of {changes}{like}"]
-    if found and not tested:
+    labels = {
+        "eta_r_prime": "eta_r'",
+        "eta_r_double_prime": "eta_r''",
+        "eta_r": "eta_r",
+        "N2_nu0": "N2:nu0",
+        "N2": "N2",
+    }
+    found = {label: analysis.steady[name] for name, label in labels.items() if name in analysis.steady}
+    tested = {label: each for label, each in found.items() if each.verdict != "unknown"}
+    if not tested:
         unit = "cycles" if analysis.oscillatory else "blocks"
-        return [f"too few {unit} for a test of drift: the state may still be evolving"]
-    if found and analysis.oscillatory and end < _PAPER_DRIFT:
-        return [f"no drift was found, but total strain {end:.4g} is short: the paper's runs drift past 100"]
-    return []
+        return [f"too few {unit} for a test of drift: the state may still be evolving"] if found else []
+    end = analysis.total_strain[-1]
+    begin = analysis.total_strain[len(analysis.values) - max(each.reference for each in tested.values())]
+    changes = {
+        verdict: ", ".join(
+            f"{label} by {each.change:.2g} (now {each.mean:.4g})"
+            for label, each in tested.items()
+            if each.verdict == verdict
+        )
+        for verdict in ("drifting", "slow")
+    }
+    notes = []
+    if changes["drifting"]:
+        like = (
+            "; the paper's runs drift past total strain 100 too" if analysis.oscillatory and end > _PAPER_DRIFT else ""
+        )
+        notes.append(
+            f"not steady: from total strain {begin:.4g} to {end:.4g} there is a drift of {changes['drifting']}{like}"
+        )
+    if changes["slow"]:
+        notes.append(
+            f"not shown to be steady: from total strain {begin:.4g} to {end:.4g} there are changes as slow as that, "
+            f"which may be drift or fluctuation, of {changes['slow']}"
+        )
+    if not notes and analysis.oscillatory and end < _PAPER_DRIFT:
+        notes.append(f"no drift was found, but total strain {end:.4g} is short: the paper's runs drift past 100")
+    return notes
 
 
 def _progress_notes(run: Run, flow: str) -> list[str]:
