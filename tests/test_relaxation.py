@@ -50,20 +50,31 @@ def test_noisy_decays_are_told_apart(seed):
     assert Relaxation().fit(STRAIN, noisy(POWER + 3e-6, 0.2, seed)).family == "power law"
 
 
-def test_no_decay_is_claimed_in_correlated_noise():
-    """Stationary noise of correlation 0.8 from cycle to cycle: no decay is named in 50 series, and the state is
-    diffusing or undecided in all but 5 % (two-sided 2 sigma) plus the scatter of 50 draws: 6 at most."""
-    wrong = 0
-    for seed in range(50):
-        random, noise = np.random.default_rng(seed), np.zeros(80)
-        noise[0] = random.normal()
-        for k in range(1, 80):
-            noise[k] = 0.8 * noise[k - 1] + 0.6 * random.normal()
-        found = Relaxation().fit(STRAIN, 1e-2 * np.exp(0.15 * noise))
-        wrong += found.state == "absorbing"
-        if seed < 15:
-            assert found.family in ("steady", "undecided")
-    assert wrong <= 6
+def correlated(seed: int, rho: float) -> np.ndarray:
+    """80 cycles of stationary noise of correlation rho^|j - k|, 15 % of 0.01."""
+    random, noise = np.random.default_rng(seed), np.zeros(120)
+    for k in range(1, 120):
+        noise[k] = rho * noise[k - 1] + math.sqrt(1.0 - rho**2) * random.normal()
+    return 1e-2 * np.exp(0.15 * noise[40:])
+
+
+def test_no_decay_is_claimed_in_stationary_noise():
+    """White noise: the simplest form wins in at least 14 of 15 series. Correlated noise: never a decay."""
+    names = [Relaxation().fit(STRAIN, noisy(np.full(80, 0.01), 0.2, seed)).best.name for seed in range(15)]
+    assert names.count("steady") >= 14
+    for seed in range(15):
+        assert Relaxation().fit(STRAIN, correlated(seed, 0.8)).family in ("steady", "undecided")
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_error_of_the_slope_is_its_scatter(rho):
+    """Over 100 series the slopes scatter about 0 as their reported errors say, also when cycles are correlated.
+
+    The root mean square of 100 values is known to 7 %, and errors from 40 correlated cycles vary: 25 % are allowed.
+    Without the correlation the error at rho = 0.8 would be 3 times too small.
+    """
+    slopes = np.array([Relaxation().fit(STRAIN, correlated(seed, rho)).late_slope for seed in range(100)])
+    assert np.sqrt(np.mean(slopes[:, 0] ** 2)) == pytest.approx(np.sqrt(np.mean(slopes[:, 1] ** 2)), rel=0.25)
 
 
 def test_a_decay_too_short_to_tell_is_undecided():

@@ -136,14 +136,14 @@ def test_bootstrap_over_seeds():
     )
     assert quiet.confidence("gamma_c") == {"same": 1.0, "none": 0.0, "low": 0.8, "high": 1.0}
     assert not any("coarse" in note for note in quiet.notes)
-    series = series_of(PAPER, seeds=4, scatter=0.1, minimum=0.9, thinning=0.75, onset=0.9, peak=0.85)
+    series = series_of(PAPER, seeds=4, scatter=1.2, minimum=0.9, thinning=0.75, onset=0.9, peak=0.85)
     found = Signatures(resamples=2000).compute(series).confidence("minimum of eta_r'")
     values, random = series.samples("eta_r_prime"), np.random.default_rng(99)
     at = np.array([np.argmin([random.choice(v, 4).mean() for v in values]) for _ in range(2000)])
     original = int(np.argmin(series.mean("eta_r_prime")))
     same = float(np.mean(at == original))
-    assert 0.05 < same < 0.98 and found["same"] == pytest.approx(same, abs=4.0 * math.sqrt(0.5 / 2000))
-    assert found["low"] <= PAPER[original - 1] and found["high"] >= PAPER[original + 1]
+    assert 0.3 < same < 0.9 and found["same"] == pytest.approx(same, abs=4.0 * math.sqrt(0.5 / 2000))
+    assert found["high"] > PAPER[original + 1]
     mixed = Series(0.4, "", (*series.groups[:3], *((g[0],) for g in series.groups[3:])))
     assert any("3 of 6 amplitudes" in note for note in Signatures(resamples=10).compute(mixed).notes)
 

@@ -77,12 +77,12 @@ class Relaxation(Quantity):
 
     Forms: steady D_inf; D_0 exp(-gamma/tau) and D_0 (1 + gamma/tau)^-alpha (alpha <= 5), each with and without
     a plateau D_inf, least squares in ln D. The lowest BIC = m ln(RSS/n) + k ln m wins: k parameters, n cycles,
-    m = n/(autocorrelation time of the residuals). A family (steady, exponential, power law) is named only where its
-    best BIC is lower than that of every other family by `margin` (6: strong evidence in the scale of Kass & Raftery
-    1995); else it is "undecided".
+    m = n (1 - rho)/(1 + rho) of them independent, rho the correlation of neighbouring residuals. A decay (exponential,
+    power law) is named only where its best BIC is lower than that of every other family by `margin` (6: strong evidence
+    in the scale of Kass & Raftery 1995), else it is "undecided"; "steady" is the name where no decay has a lower BIC.
 
-    State, from the last half of the run: s = d ln D_cyc/d ln gamma_tot by least squares with error e (residuals'
-    autocorrelation included).
+    State, from the last half of the run: s = d ln D_cyc/d ln gamma_tot by least squares with error e, which includes
+    the correlation of cycles (2 e covers 95 % of white noise, 87 to 92 % of noise of correlation 0.8, measured).
         absorbing   s + 2 e < -slope, or the mean D_cyc there is below `floor`
         diffusing   s - 2 e > -slope, and it is above `floor`
         undecided   otherwise
@@ -135,8 +135,8 @@ class Relaxation(Quantity):
         """steady, exponential, power law or undecided."""
         if self.best is None:
             return "undecided"
-        others = [fit.criterion for fit in self.fits.values() if fit.family != self.best.family]
-        return self.best.family if min(others) - self.best.criterion >= self.margin else "undecided"
+        decided = self.best.family == "steady" or self.evidence >= self.margin
+        return self.best.family if decided else "undecided"
 
     @property
     def evidence(self) -> float:
@@ -228,7 +228,8 @@ def fit_decays(total_strain: np.ndarray, d_cyc: np.ndarray) -> dict[str, DecayFi
     logarithms, n = np.log(d_cyc), len(d_cyc)
     fits = [_fit_shape(name, total_strain, logarithms) for name in _SHAPES]
     best = min(fits, key=lambda fit: fit.residual)
-    independent = max(n / _autocorrelation(logarithms - np.log(best(total_strain))), 2.0)
+    rho = _correlation(logarithms - np.log(best(total_strain)), best.parameters)
+    independent = max(n * (1.0 - rho) / (1.0 + rho), 2.0)
     if best.residual <= _EXACT:
         independent = float(n)
     scored = []
@@ -270,18 +271,23 @@ def _fit_shape(name: str, strain: np.ndarray, logarithms: np.ndarray) -> DecayFi
     return DecayFit(name, math.exp(p[0]), math.exp(p[-1]) if plateau else 0.0, math.exp(p[1]), exponent, rms)
 
 
-def _autocorrelation(residuals: np.ndarray) -> float:
-    """Integrated autocorrelation time in samples, 1 for white noise; summed up to 5 times itself (Sokal's window)."""
-    residuals = residuals - residuals.mean()
-    power = float(residuals @ residuals)
-    if power == 0.0:
-        return 1.0
-    time = 1.0
-    for lag in range(1, len(residuals)):
-        time += 2.0 * float(residuals[:-lag] @ residuals[lag:]) / power
-        if lag >= 5.0 * time:
-            break
-    return max(time, 1.0)
+def _correlation(residuals: np.ndarray, parameters: int) -> float:
+    """Correlation rho of neighbouring residuals of a fit with `parameters`, 0 <= rho < 1, noise taken as AR(1).
+
+    rho = (n r_1 + p)/(n - 2 - p) removes the bias of short fitted series to first order (Kendall 1954).
+    """
+    n, power = len(residuals), float(residuals @ residuals)
+    if power == 0.0 or n < parameters + 4:
+        return 0.0
+    neighbours = float(residuals[1:] @ residuals[:-1]) / power
+    return min(max((n * neighbours + parameters) / (n - 2 - parameters), 0.0), 1.0 - 1.0 / n)
+
+
+def _quadratic(vector: np.ndarray, rho: float) -> float:
+    """Sum_jk v_j rho^|j-k| v_k."""
+    overlap = np.correlate(vector, vector, "full")[len(vector) - 1 :]
+    powers = rho ** np.arange(len(vector))
+    return float(2.0 * overlap @ powers - overlap[0])
 
 
 def _late_slope(strain: np.ndarray, values: np.ndarray) -> tuple[float, float, float]:
@@ -295,7 +301,12 @@ def _late_slope(strain: np.ndarray, values: np.ndarray) -> tuple[float, float, f
         return math.nan, math.nan, mean
     x, y = np.log(strain[late]), np.log(values[late])
     x = x - x.mean()
-    slope = float(x @ y / (x @ x))
+    x /= math.sqrt(float(x @ x))
+    slope = float(x @ y)
     residuals = y - y.mean() - slope * x
-    variance = float(residuals @ residuals) / (count - 2) * _autocorrelation(residuals)
-    return slope, math.sqrt(variance / float(x @ x)), mean
+    rho = _correlation(residuals, 2)
+    ones = np.full(count, 1.0 / math.sqrt(count))
+    freedom = count - _quadratic(ones, rho) - _quadratic(x, rho)  # of E[sum of squares] = sigma^2 freedom
+    variance = float(residuals @ residuals) / freedom * _quadratic(x, rho)
+    scale = float(np.linalg.norm(np.log(strain[late]) - np.log(strain[late]).mean()))
+    return slope / scale, math.sqrt(variance) / scale, mean
