@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from suspend.analysis.collection import Collection, find_runs
+from suspend.analysis.collection import Collection
+from suspend.analysis.run_paths import find_runs
 from suspend.analysis.samples import read_scales
 from suspend.errors import ConfigurationError, StorageError
 from suspend.io import Run

@@ -95,7 +95,7 @@ class Clusters(Panel):
             1.938, 0.98, " doublet\n at 2.1 a", transform=axes[0, 1].get_xaxis_transform(), fontsize=6, va="top"
         )
         axes[1, 0].set_xlabel("cluster size")
-        axes[1, 1].set_xlabel(r"shape factor $\sqrt{I_\mathrm{max}/I_\mathrm{min}}$")
+        axes[1, 1].set_xlabel("shape factor")
 
 
 class NeighbourDistance(Panel):

@@ -7,6 +7,7 @@ imported by the functions, never with the module.
 
 from __future__ import annotations
 
+import logging
 import math
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -59,6 +60,7 @@ def journal() -> Iterator[None]:
     """matplotlib in this style inside the block, whatever the user's own settings."""
     import matplotlib
 
+    logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates inside the fonts that a PDF takes in
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(STYLE)
