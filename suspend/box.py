@@ -10,8 +10,6 @@ import math
 
 import numpy as np
 
-from suspend.core.jit import kernel
-
 
 def edge_length(number: int, volume_fraction: float) -> float:
     """Edge L of the cubic cell in radii: phi = N (4/3) pi / L^3."""
@@ -23,7 +21,7 @@ def flips_of(strain: float) -> int:
     return math.floor(strain + 0.5)
 
 
-def cell_vectors(edge: float, tilt: float) -> np.ndarray:
+def cell_vectors(edge: float, tilt: float = 0.0) -> np.ndarray:
     """Cell vectors as rows, shape (3, 3)."""
     return edge * np.array([[1.0, 0.0, 0.0], [tilt, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
@@ -33,22 +31,23 @@ def unwrap(position: np.ndarray, image: np.ndarray, edge: float, tilt: float) ->
     return position + image @ cell_vectors(edge, tilt)
 
 
-@kernel
-def wrap(position, image, edge, tilt):
-    """Move every sphere into the cell and count the cell vectors removed in `image` (both in place).
+def wrap(positions: np.ndarray, edge: float, tilt: float = 0.0) -> np.ndarray:
+    """Positions (N,3) brought into the cell: fractional coordinates in [0, 1) along its vectors.
 
-    position (N, 3) float64, image (N, 3) int32; position + image . cell vectors is unchanged.
+    Where the images matter: `suspend.core.cell.wrap_and_count`.
     """
-    for i in range(position.shape[0]):
-        n2 = math.floor(position[i, 1] / edge)
-        n1 = math.floor((position[i, 0] - tilt * position[i, 1]) / edge)
-        n3 = math.floor(position[i, 2] / edge)
-        position[i, 0] -= edge * (n1 + tilt * n2)
-        position[i, 1] -= edge * n2
-        position[i, 2] -= edge * n3
-        image[i, 0] += n1
-        image[i, 1] += n2
-        image[i, 2] += n3
+    x = np.array(positions, dtype=float)
+    x[:, 2] -= edge * np.floor(x[:, 2] / edge)
+    x[x[:, 2] >= edge, 2] = 0.0  # a tiny negative coordinate rounds up to L
+    image = np.floor(x[:, 1] / edge)
+    x[:, 1] -= edge * image
+    image += x[:, 1] >= edge
+    x[x[:, 1] >= edge, 1] = 0.0
+    x[:, 0] -= tilt * edge * image
+    start = tilt * x[:, 1]  # of the cell at this height
+    x[:, 0] -= edge * np.floor((x[:, 0] - start) / edge)
+    x[:, 0] = np.where(x[:, 0] - start >= edge, start, x[:, 0])
+    return x
 
 
 def flip(image: np.ndarray, extra_flips: int) -> None:

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from suspend.box import wrap
 from suspend.configuration_files import READERS, RawFrame, read_run, unreadable, unusable
 from suspend.packing import Packing, random_packing
-from suspend.structure import smallest_distance, wrap
+from suspend.structure import smallest_distance
 
 if TYPE_CHECKING:
     from suspend.config import Config

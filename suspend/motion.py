@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspend.box import flip, flips_of, wrap
+from suspend.box import flip, flips_of
+from suspend.core.cell import wrap_and_count
 from suspend.dynamics import Overlap, Suspension
 from suspend.errors import NumericalError
 from suspend.flow import Flow
@@ -76,7 +77,7 @@ class Motion:
         flip(state.image, flips - state.flips)
         state.flips = flips
         tilt = self.tilt(state, state.time)
-        wrap(state.position, state.image, self.suspension.scene.edge, tilt)
+        wrap_and_count(state.position, state.image, self.suspension.scene.edge, tilt)
         if self.suspension.list is not None:
             self.suspension.renew(state.position, strain, tilt)
         self.position_error = 0.0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from suspend.box import flip, flips_of, unwrap, wrap
+from suspend.box import flip, flips_of, unwrap
+from suspend.core.cell import wrap_and_count
 from suspend.motion import Motion, State
 from suspend.scene import Units
 
@@ -81,7 +82,7 @@ class Recorder:
         extra = flips_of(tilt)
         wrapped, image = position.copy(), state.image.copy()
         flip(image, extra)
-        wrap(wrapped, image, edge, tilt - extra)
+        wrap_and_count(wrapped, image, edge, tilt - extra)
         return {
             "frame_time": self.motion.flow.elapsed(state.cycle, time) * self.units.time,
             "frame_strain": self.motion.strain(state, time),

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from suspend.box import cell_vectors, wrap
+
 BOND_RANGE = 2.8  # 1.4 diameters: the first minimum of g(r) in dense sphere suspensions
 SOLID_BONDS = 7  # a sphere with this many parallel q6 bonds counts as crystalline
 PARALLEL = 0.7  # q6 bonds with a normalised scalar product above this are parallel
@@ -41,27 +43,6 @@ class BondOrder(NamedTuple):
     local_q6: float
     crystal_fraction: float
     bonds: int
-
-
-def cell_vectors(length: float, tilt: float = 0.0) -> np.ndarray:
-    """Rows are the vectors (L,0,0), (tilt L, L, 0), (0,0,L) of the sheared cell, shape (3,3)."""
-    return length * np.array([[1.0, 0.0, 0.0], [tilt, 1.0, 0.0], [0.0, 0.0, 1.0]])
-
-
-def wrap(positions: np.ndarray, length: float, tilt: float = 0.0) -> np.ndarray:
-    """Positions (N,3) brought into the cell: fractional coordinates in [0, 1) along its vectors."""
-    x = np.array(positions, dtype=float)
-    x[:, 2] -= length * np.floor(x[:, 2] / length)
-    x[x[:, 2] >= length, 2] = 0.0  # a tiny negative coordinate rounds up to L
-    image = np.floor(x[:, 1] / length)
-    x[:, 1] -= length * image
-    image += x[:, 1] >= length
-    x[x[:, 1] >= length, 1] = 0.0
-    x[:, 0] -= tilt * length * image
-    start = tilt * x[:, 1]  # of the cell at this height
-    x[:, 0] -= length * np.floor((x[:, 0] - start) / length)
-    x[:, 0] = np.where(x[:, 0] - start >= length, start, x[:, 0])
-    return x
 
 
 def periodic_images(

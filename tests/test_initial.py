@@ -10,11 +10,12 @@ import h5py
 import numpy as np
 import pytest
 
+from suspend.box import cell_vectors, wrap
 from suspend.errors import ConfigurationError, StorageError
 from suspend.initial import load_configuration, prepare_initial
 from suspend.io import RunStore
 from suspend.packing import random_packing
-from suspend.structure import cell_vectors, pairs_within, wrap
+from suspend.structure import pairs_within
 
 NUMBER, FRACTION, TILT = 12, 0.3, 0.25
 

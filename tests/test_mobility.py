@@ -8,7 +8,8 @@ import pytest
 from naive import loose_positions
 from naive_ewald import grand_mobility
 
-from suspend.box import edge_length, wrap
+from suspend.box import edge_length
+from suspend.core.cell import wrap_and_count
 from suspend.errors import ConfigurationError
 from suspend.hydro.ewald.mobility import Mobility
 from suspend.hydro.ewald.parameters import choose_parameters
@@ -30,7 +31,7 @@ def placed(position, edge, tilt, tolerance, threads=1, **by_hand):
         parameters = chosen(tolerance, len(position), edge)
     mobility = Mobility(edge, len(position), parameters, threads)
     inside = np.array(position, dtype=float)
-    wrap(inside, np.zeros(inside.shape, np.int32), edge, tilt)
+    wrap_and_count(inside, np.zeros(inside.shape, np.int32), edge, tilt)
     mobility.place(inside, tilt, *find_pairs(inside, edge, tilt, mobility.cutoff))
     return mobility
 

@@ -8,15 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from suspend.structure import (
-    bond_order,
-    cell_vectors,
-    contact_value,
-    pairs_within,
-    sixth_harmonics,
-    smallest_distance,
-    wrap,
-)
+from suspend.box import cell_vectors, wrap
+from suspend.structure import bond_order, contact_value, pairs_within, sixth_harmonics, smallest_distance
 
 
 def naive_distances(positions, length, reach, tilt):

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from suspend.box import flips_of, wrap
+from suspend.box import flips_of
+from suspend.core.cell import wrap_and_count
 from suspend.core.jit import kernel, parallel_kernel, scalar
 from suspend.core.pairs import PlacedPairs
 
@@ -151,7 +152,7 @@ class VerletList:
         """Build from positions (N, 3) at the given strain and tilt (equal up to an integer)."""
         flips = flips_of(tilt)
         wrapped, image = position.copy(), np.zeros(position.shape, np.int32)
-        wrap(wrapped, image, self.edge, tilt - flips)
+        wrap_and_count(wrapped, image, self.edge, tilt - flips)
         self.pairs, self.offset = find_pairs(wrapped, self.edge, tilt - flips, self.cutoff + self.skin)
         first, second = self.pairs[:, 0], self.pairs[:, 1]
         self.pairs[:, 2:] += image[first] - image[second]

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from suspend.box import wrap
 from suspend.config.schema import COARSEST, FINEST, Ewald, Lubrication
 from suspend.errors import ConfigurationError
-from suspend.structure import smallest_distance, wrap
+from suspend.structure import smallest_distance
 
 COINCIDENT = 1e-6  # radii: centres closer than this have no line of centres
 FAR_FIELDS = ("ewald", "self", "identity")
