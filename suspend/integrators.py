@@ -77,6 +77,17 @@ class Step:
     position: np.ndarray  # at the end, lab frame
     velocity: np.ndarray  # (N, 6) at the end
     error: float | None  # rms over the spheres of the estimated position error, radii
+    gaps: GapHistory | None = None
+
+
+@dataclass
+class GapHistory:
+    """Gaps integrated by themselves over a step (`suspend.gaps`): change of ln h, and its rates at both ends."""
+
+    gaps: object
+    change: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
 
 
 def moved(position: np.ndarray, strain_increment: float) -> np.ndarray:
@@ -86,12 +97,12 @@ def moved(position: np.ndarray, strain_increment: float) -> np.ndarray:
     return result
 
 
-def take_step(method: Method, evaluate, strain, position, velocity, time: float, size: float) -> Step:
+def take_step(method: Method, evaluate, strain, position, velocity, time: float, size: float, gaps=None) -> Step:
     """One trial step of `size` from `time`.
 
     evaluate(position, time) -> (N, 6) velocities relative to the undisturbed flow; strain(time) -> gamma;
-    position (N, 3) and velocity (N, 6) at `time`. Exceptions of `evaluate` pass through and change nothing
-    here.
+    position (N, 3) and velocity (N, 6) at `time`. gaps : `suspend.gaps.CloseGaps` of these positions, or None.
+    Exceptions of `evaluate` pass through and change nothing here.
     """
     base = strain(time)
 
@@ -99,29 +110,44 @@ def take_step(method: Method, evaluate, strain, position, velocity, time: float,
         return moved(velocity[:, :3], -(strain(at) - base))
 
     slopes = [velocity[:, :3]]
+    rates = [gaps.rates(position, time, velocity)] if gaps is not None else None
+
+    def placed(weights, at: float) -> np.ndarray:
+        stage = moved(position + size * _combine(weights, slopes), strain(at) - base)
+        if gaps is not None:
+            gaps.hold(stage, at, size * _combine(weights, rates))
+        return stage
+
     for node, row in zip(method.nodes[1:], method.rows[1:], strict=True):
         at = time + node * size
-        stage = position + size * _combine(row, slopes)
-        slopes.append(slope(evaluate(moved(stage, strain(at) - base), at), at))
+        stage = placed(row, at)
+        found = evaluate(stage, at)
+        slopes.append(slope(found, at))
+        if gaps is not None:
+            rates.append(gaps.rates(stage, at, found))
     end = time + size
-    moving = position + size * _combine(method.weights, slopes)
-    new_position = moved(moving, strain(end) - base)
+    new_position = placed(method.weights, end)
     new_velocity = evaluate(new_position, end)
+    kept = None
+    if gaps is not None:
+        change = size * _combine(method.weights, rates)
+        kept = GapHistory(gaps, change, rates[0], gaps.rates(new_position, end, new_velocity))
     if method.error is None:
-        return Step(new_position, new_velocity, None)
+        return Step(new_position, new_velocity, None, kept)
     slopes.append(slope(new_velocity, end))
     error = size * _combine(method.error, slopes)
-    return Step(new_position, new_velocity, float(np.sqrt(np.mean(np.einsum("ij,ij->i", error, error)))))
+    return Step(new_position, new_velocity, float(np.sqrt(np.mean(np.einsum("ij,ij->i", error, error)))), kept)
 
 
 def _combine(weights, slopes) -> np.ndarray:
     return sum(w * s for w, s in zip(weights, slopes, strict=True) if w != 0.0)
 
 
-def interpolate(strain, start, end, fraction: float) -> np.ndarray:
+def interpolate(strain, start, end, fraction: float, kept: GapHistory | None = None) -> np.ndarray:
     """Positions within a step by cubic Hermite interpolation along the affine flow (third order in all).
 
-    start, end : (time, position, velocity); fraction in [0, 1] of the step.
+    start, end : (time, position, velocity); fraction in [0, 1] of the step; kept : the step's gaps, interpolated
+    in their logarithms.
     """
     t0, x0, u0 = start
     t1, x1, u1 = end
@@ -131,7 +157,10 @@ def interpolate(strain, start, end, fraction: float) -> np.ndarray:
     h00, h10 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2
     h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
     moving = h00 * x0 + h01 * x1 + size * (h10 * u0[:, :3] + h11 * u1)
-    return moved(moving, strain(t0 + s * size) - base)
+    position = moved(moving, strain(t0 + s * size) - base)
+    if kept is not None:
+        kept.gaps.hold(position, t0 + s * size, h01 * kept.change + size * (h10 * kept.first + h11 * kept.last))
+    return position
 
 
 @dataclass

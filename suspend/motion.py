@@ -17,6 +17,7 @@ from suspend.core.cell import wrap_and_count
 from suspend.dynamics import Overlap, Suspension
 from suspend.errors import NumericalError
 from suspend.flow import Flow
+from suspend.gaps import CloseGaps
 from suspend.integrators import Controller, Method, Step, interpolate, take_step
 
 
@@ -145,6 +146,7 @@ class Motion:
                 state.velocity,
                 state.time,
                 size,
+                self._close_gaps(state),
             )
         except Overlap:
             counters.rejected_overlap += 1
@@ -161,6 +163,21 @@ class Motion:
         suspension.history = history
         return None, proposal
 
+    def _close_gaps(self, state: State) -> CloseGaps | None:
+        """Pairs whose gaps are integrated by themselves; None where overlaps are allowed or nothing touches."""
+        near = self.suspension.near
+        if near is None or near.table.frozen > 0.0:
+            return None
+        gaps = CloseGaps(
+            self.suspension.list.pairs,
+            state.position,
+            self.suspension.scene.edge,
+            state.time,
+            lambda time: self.tilt(state, time),
+            lambda time: self.flow.rate(state.cycle, time),
+        )
+        return gaps if len(gaps) else None
+
     def _accept(self, state: State, step: Step, end: float, events: list[float], visit) -> None:
         start = (state.time, state.position, state.velocity)
         if abs(end - events[-1]) < 1e-12 * max(1.0, events[-1]):
@@ -168,9 +185,8 @@ class Motion:
         while events and events[0] < end - 1e-12 * max(1.0, end):
             time = events.pop(0)
             fraction = (time - start[0]) / (end - start[0])
-            position = interpolate(
-                lambda t: self.strain(state, t), start, (end, step.position, step.velocity), fraction
-            )
+            last = (end, step.position, step.velocity)
+            position = interpolate(lambda t: self.strain(state, t), start, last, fraction, step.gaps)
             visit(time, position, self.evaluate(state, position, time))
         state.position, state.velocity, state.time = step.position, step.velocity, end
         self.suspension.counters.steps += 1
