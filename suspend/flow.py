@@ -70,8 +70,11 @@ class Steps:
         return self.pre_blocks + math.ceil(self.total - self.pre - 1e-12)
 
     def period(self, cycle: int) -> float:
-        """Duration of a block: the parts before and after the reversal are cut evenly."""
-        if cycle < self.pre_blocks:
+        """Duration of a block: the parts before and after the reversal are cut evenly.
+
+        Of the block that would follow the last one too, where a finished run stands.
+        """
+        if cycle < self.pre_blocks or self.cycles == self.pre_blocks:
             return self.pre / self.pre_blocks
         return (self.total - self.pre) / (self.cycles - self.pre_blocks)
 

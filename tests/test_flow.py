@@ -71,6 +71,15 @@ def test_steps(flow):
     assert elapsed == pytest.approx(flow.total, rel=1e-12)
 
 
+@pytest.mark.parametrize("flow", [Steps(5.4, 0.0, 1.0, 1.0), Steps(7.3, 2.6, 1.0, -1.0), Steps(2.7, 2.7, 1.0, -1.0)])
+def test_the_block_after_the_last_one(flow):
+    """A finished run stands at the start of block `cycles`: all of the strain is behind it, and a block there would
+    be as long as the last (rounding, 1e-14), also where the run ends before the reversal.
+    """
+    assert flow.period(flow.cycles) == pytest.approx(flow.period(flow.cycles - 1), rel=1e-14)
+    assert flow.elapsed(flow.cycles, 0.0) == pytest.approx(flow.total, rel=1e-14)
+
+
 def test_reversal_is_the_start_of_a_block():
     """The rate changes sign at the pre-shear strain exactly, where the strain is largest."""
     flow = Steps(7.3, 2.6, 1.0, -1.0)
