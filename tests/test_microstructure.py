@@ -221,8 +221,8 @@ def test_global_bond_order_of_lattices(basis, edge, reach, expected):
 
 
 def test_contacts_count_known_gaps():
-    """A row of three spheres with gaps 0.01 and 0.2, a pair that overlaps by 0.001, a lone sphere."""
-    row = np.array([[5.0, 5, 5], [7.01, 5, 5], [9.21, 5, 5]])
+    """A row of three spheres with gaps 0.01 and 0.04, a pair that overlaps by 0.001, a lone sphere."""
+    row = np.array([[5.0, 5, 5], [7.01, 5, 5], [9.05, 5, 5]])
     pair = np.array([[15.0, 15, 15], [15.0, 16.999, 15]])
     contacts = Contacts().compute_snapshots([Snapshot(np.vstack([row, pair, [[25.0, 5, 25]]]), 40.0)])
     assert contacts.contact_number.tolist() == [pytest.approx(4 / 6)]
