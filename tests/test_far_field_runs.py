@@ -7,13 +7,28 @@ import pytest
 from test_simulation import assert_identical, contents, scene
 
 from suspend.config import from_dict
+from suspend.config.schema import every_key
 from suspend.errors import ConfigurationError, Interrupted
+from suspend.farfield import make_parameters
+from suspend.hydro.ewald.split import KINDS
 from suspend.io import Run
 from suspend.simulation import make_plan, run
 
 
 def far(number=20, phi=0.3, **changes):
     return scene(number, phi, **{"far_field": "ewald", "duration__cycles": 1, **changes})
+
+
+def test_splits_of_the_configuration():
+    """Every kind of split can be asked for and is then used; null is the optimal one, with the same parameters."""
+    assert set(every_key()["ewald.split"].choices) == set(KINDS)
+    found = {
+        kind: make_parameters(far(ewald__split=kind).ewald, 1e-2, 20, 7.0).accurate for kind in ("null", *KINDS)
+    }
+    assert all(found[kind].split.kind == kind for kind in KINDS)
+    null, optimal = found["null"], found["optimal"]
+    assert null.split.kind == "optimal" and null.grid == optimal.grid
+    assert (null.split.cutoff, null.split.kmax) == (optimal.split.cutoff, optimal.split.kmax)
 
 
 def test_lone_sphere_in_its_lattice(tmp_path):

@@ -190,9 +190,9 @@ class Ewald:
     )
     split: str | None = key(
         "choice",
-        "how the kernel is split into a real-space and a wave-space part; null = the faster",
+        "how the kernel is split into a real-space and a wave-space part; null = optimal, the fastest",
         default=None,
-        choices=("gaussian", "pswf"),
+        choices=("gaussian", "pswf", "optimal"),
     )
     cutoff: float | None = key(
         "number",
