@@ -70,11 +70,17 @@ def test_no_decay_is_claimed_in_stationary_noise():
 def test_error_of_the_slope_is_its_scatter(rho):
     """Over 100 series the slopes scatter about 0 as their reported errors say, also when cycles are correlated.
 
-    The root mean square of 100 values is known to 7 %, and errors from 40 correlated cycles vary: 25 % are allowed.
-    Without the correlation the error at rho = 0.8 would be 3 times too small.
+    The root mean square of 100 slopes is known to 7 %; the errors, from 40 correlated cycles each, vary by half and are
+    compared by their mean: 30 % are allowed. Without the correlation the mean would be 3 times too small at rho = 0.8.
     """
     slopes = np.array([Relaxation().fit(STRAIN, correlated(seed, rho)).late_slope for seed in range(100)])
-    assert np.sqrt(np.mean(slopes[:, 0] ** 2)) == pytest.approx(np.sqrt(np.mean(slopes[:, 1] ** 2)), rel=0.25)
+    assert np.sqrt(np.mean(slopes[:, 0] ** 2)) == pytest.approx(slopes[:, 1].mean(), rel=0.3)
+
+
+def test_curvature_of_a_decay_is_not_noise():
+    """A pure exponential over the last half is a curve in the logarithms: its slope there is certain, so it absorbs."""
+    found = Relaxation().fit(STRAIN, noisy(EXPONENTIAL, 0.05, 1))
+    assert found.state == "absorbing" and found.late_slope[1] < 0.25 * abs(found.late_slope[0])
 
 
 def test_a_decay_too_short_to_tell_is_undecided():

@@ -6,7 +6,7 @@ import math
 
 from suspend.analysis.collection import Collection, Series
 from suspend.analysis.phase_diagram import PhaseDiagram
-from suspend.analysis.signatures import Range, Signatures
+from suspend.analysis.signatures import LEAST_AMPLITUDES, Range, Signatures
 
 _COLUMNS = (  # heading, quantity
     ("eta_r'", "eta_r_prime"),
@@ -43,19 +43,21 @@ def _number(value: float, digits: int = 4, width: int = 10) -> str:
 
 
 def _values(series: Series) -> str:
-    heads = "".join(f" {head:>10} {'+-':>8}" for head, _ in _COLUMNS[:4]) + f" {'D_cyc':>9}"
+    heads = "".join(f" {head:>10} {'+-':>7}" for head, _ in _COLUMNS[:4]) + f" {'D_cyc':>8}"
     lines = [series.title, f"{'gamma0':>7} {'runs':>4}" + heads + "  state"]
     for k, group in enumerate(series.groups):
         cells = ""
         for _, name in _COLUMNS[:4]:
-            cells += " " + _number(series.mean(name)[k]) + " " + _number(series.error(name)[k], 2, 8)
-        cells += " " + _number(series.mean("D_cyc")[k], 3, 9)
-        states = sorted({member.state for member in group})
-        lines.append(f"{group[0].gamma0:>7g} {len(group):>4d}{cells}  {'/'.join(state[:5] for state in states)}")
+            cells += " " + _number(series.mean(name)[k]) + " " + _number(series.error(name)[k], 2, 7)
+        cells += " " + _number(series.mean("D_cyc")[k], 3, 8)
+        states = {member.state for member in group}
+        lines.append(f"{group[0].gamma0:>7g} {len(group):>4d}{cells}  {states.pop() if len(states) == 1 else 'mixed'}")
     return "\n".join(lines)
 
 
 def _ranges(signatures: Signatures) -> str:
+    if len(signatures.series.groups) < LEAST_AMPLITUDES:
+        return f"    ({LEAST_AMPLITUDES} amplitudes are needed for the signatures)"
     lines = ["    " + "signature".ljust(26) + "range of gamma0".ljust(20) + "best".rjust(8) + "   over seeds, 95 %"]
     for name, value in signatures.rows():
         lines.append("    " + name.ljust(26) + _range(value).ljust(20) + _best(value) + _confidence(signatures, name))

@@ -81,8 +81,8 @@ class Relaxation(Quantity):
     power law) is named only where its best BIC is lower than that of every other family by `margin` (6: strong evidence
     in the scale of Kass & Raftery 1995), else it is "undecided"; "steady" is the name where no decay has a lower BIC.
 
-    State, from the last half of the run: s = d ln D_cyc/d ln gamma_tot by least squares with error e, which includes
-    the correlation of cycles (2 e covers 95 % of white noise, 87 to 92 % of noise of correlation 0.8, measured).
+    State, from the last half of the run: s = d ln D_cyc/d ln gamma_tot by a straight line, with error e from the
+    scatter about a parabola and its correlation from cycle to cycle.
         absorbing   s + 2 e < -slope, or the mean D_cyc there is below `floor`
         diffusing   s - 2 e > -slope, and it is above `floor`
         undecided   otherwise
@@ -300,13 +300,12 @@ def _late_slope(strain: np.ndarray, values: np.ndarray) -> tuple[float, float, f
     if count < 4:
         return math.nan, math.nan, mean
     x, y = np.log(strain[late]), np.log(values[late])
-    x = x - x.mean()
-    x /= math.sqrt(float(x @ x))
-    slope = float(x @ y)
-    residuals = y - y.mean() - slope * x
-    rho = _correlation(residuals, 2)
-    ones = np.full(count, 1.0 / math.sqrt(count))
-    freedom = count - _quadratic(ones, rho) - _quadratic(x, rho)  # of E[sum of squares] = sigma^2 freedom
-    variance = float(residuals @ residuals) / freedom * _quadratic(x, rho)
-    scale = float(np.linalg.norm(np.log(strain[late]) - np.log(strain[late]).mean()))
-    return slope / scale, math.sqrt(variance) / scale, mean
+    degree = 2 if count >= LEAST_CYCLES else 1
+    basis, triangle = np.linalg.qr(np.vander(x - x.mean(), degree + 1, increasing=True))
+    coefficients = basis.T @ y
+    residuals = y - basis @ coefficients  # of a parabola: curvature of the decay is not noise
+    rho = _correlation(residuals, degree + 1)
+    freedom = count - sum(_quadratic(q, rho) for q in basis.T)  # of E[sum of squares] = sigma^2 freedom
+    variance = float(residuals @ residuals) / freedom * _quadratic(basis[:, 1], rho)
+    scale = float(triangle[1, 1])
+    return float(coefficients[1]) / scale, math.sqrt(variance) / abs(scale), mean

@@ -265,6 +265,8 @@ class Signatures(Quantity):
     def notes(self) -> list[str]:
         """What is missing, not bracketed, ambiguous, contradictory, or without uncertainty."""
         notes, runs = [], self.series.runs
+        if len(runs) < LEAST_AMPLITUDES:
+            return [f"{len(runs)} amplitude(s): {LEAST_AMPLITUDES} are needed for the signatures"]
         for name, value in self._ranges.items():
             if value is None:
                 notes.append(f"{name}: not found at {len(runs)} amplitude(s)")
