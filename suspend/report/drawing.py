@@ -60,7 +60,7 @@ def _without_tags(text: str) -> str:
 
 def figures_of(run: Examined) -> list[str]:
     """The figures of one run: those for which it has the data."""
-    found = _of_cycles(run) if run.oscillatory else _of_blocks(run)
+    found = [*(_of_cycles(run) if run.oscillatory else _of_blocks(run)), *_of_structure(run)]
     return [figure(*entry) for entry in found]
 
 
@@ -226,4 +226,60 @@ def _blocks(ax: Axes, run: Examined, columns: dict[str, str]) -> None:
         zero_lines(ax)
     ax.set_xlabel(r"$\Gamma t$" if run.analysis.flow == "quiescent" else r"$\gamma_\mathrm{tot}$")
     ax.margins(y=0.2)
+    ax.legend(loc="best")
+
+
+def _of_structure(run: Examined):
+    if run.get("pairs_last") is not None:
+        yield (
+            lambda ax: _pairs(ax, run),
+            "Pair distribution",
+            "g(r) over the last cycle starts, and of the first configuration (dashed).",
+        )
+    if run.get("variance") is not None:
+        yield (
+            lambda ax: _variance(ax, run),
+            "Exponent of the number variance",
+            "3 for a random gas, 2 for a hyperuniform arrangement; with the paper's form where it fits (line).",
+        )
+    if run.get("bond_order") is not None and len(run.get("bond_order").global_q6) > 1:
+        yield (
+            lambda ax: _order(ax, run),
+            "Bond order",
+            "Q<sub>6</sub> of all bonds (fcc 0.57) and the share of crystalline spheres.",
+        )
+
+
+def _pairs(ax: Axes, run: Examined) -> None:
+    for name, style in (("pairs_first", {"color": GREY, "linestyle": "--"}), ("pairs_last", {"color": BLUE})):
+        found = run.get(name)
+        if found is not None:
+            ax.plot(found.r, found.g, linewidth=0.8, **style)
+    ax.axhline(1.0, color=GREY, linewidth=0.4, zorder=0)
+    ax.set_xlabel("$r/a$")
+    ax.set_ylabel("$g(r)$")
+    ax.set_xlim(left=1.5)
+
+
+def _variance(ax: Axes, run: Examined) -> None:
+    found = run.get("variance")
+    strain = 1.0 + found.total_strain
+    ax.errorbar(strain, found.beta, found.error, color=BLUE, linestyle="none", marker=".")
+    fit = found.summary()
+    if "beta_fit_nu" in fit:
+        fine = np.geomspace(1.0, strain[-1], 100)
+        ax.plot(fine, found.fit()(fine - 1.0), color=BLACK, linewidth=0.8)
+    log_axis_of(ax, "x", strain, 1.3)
+    ax.set_xlabel(r"$1 + \gamma_\mathrm{tot}$")
+    ax.set_ylabel(r"$\beta$")
+
+
+def _order(ax: Axes, run: Examined) -> None:
+    found = run.get("bond_order")
+    strain = 1.0 + found.total_strain
+    ax.plot(strain, found.global_q6, color=BLUE, marker="o", label="$Q_6$")
+    ax.plot(strain, found.crystal_fraction, color=VERMILION, marker="s", linestyle="--", label="crystalline share")
+    ax.set_ylim(0.0, max(0.2, 1.3 * max(found.global_q6.max(), found.crystal_fraction.max())))
+    log_axis_of(ax, "x", strain, 1.3)
+    ax.set_xlabel(r"$1 + \gamma_\mathrm{tot}$")
     ax.legend(loc="best")

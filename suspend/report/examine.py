@@ -13,6 +13,18 @@ from suspend.analysis.diffusion import SelfDiffusion
 from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
 from suspend.analysis.laos import Laos
 from suspend.analysis.lissajous import Lissajous
+from suspend.analysis.microstructure import (
+    BondOrderEvolution,
+    Contacts,
+    NearestNeighbourGraph,
+    NumberVariance,
+    PairDistribution,
+    compute_together,
+    first,
+    read_snapshot,
+    spaced,
+)
+from suspend.analysis.microstructure import last as last_frames
 from suspend.analysis.moduli import Moduli, read_harmonics
 from suspend.analysis.normal_stresses import NormalStresses
 from suspend.analysis.quantity import Quantity
@@ -20,14 +32,15 @@ from suspend.analysis.relaxation import Relaxation
 from suspend.analysis.summary import Analysis, analyze_run
 from suspend.errors import SuspendError
 from suspend.io import Run, describe
-from suspend.structure import BondOrder, bond_order
+
+AVERAGED, EVOLVED = 8, 16  # frames that averages and evolutions of the structure are taken from
 
 
 @dataclass
 class Examined:
     """A run, its quantities by name, and what is missing: (what, why).
 
-    counts: samples of each stored cycle; order: bond order of the first and the last stored configuration.
+    counts: samples of each stored cycle; statistics: the solver's, one value per cycle.
     """
 
     path: str
@@ -38,7 +51,6 @@ class Examined:
     missing: list[tuple[str, str]] = field(default_factory=list)
     counts: np.ndarray = field(default_factory=lambda: np.empty(0, int))
     statistics: dict[str, np.ndarray] = field(default_factory=dict)
-    order: tuple[BondOrder, BondOrder] | None = None
 
     @property
     def scales(self) -> dict[str, float]:
@@ -145,9 +157,26 @@ def _dynamics(found: Examined, run: Run) -> None:
 
 
 def _structure(found: Examined, run: Run) -> None:
-    if found.scales["number"] < 2:
-        found.missing.append(("structure", "there is one sphere only"))
+    """One pass over few frames: the first, those of the last cycles, and some in between."""
+    wanted = {
+        "pairs_first": ("pair distribution at the start", PairDistribution(first())),
+        "pairs_last": ("pair distribution", PairDistribution(last_frames(AVERAGED))),
+        "contacts": ("contacts", Contacts(last_frames(AVERAGED))),
+        "graph": ("clusters of nearest neighbours", NearestNeighbourGraph(last_frames(AVERAGED))),
+        "bond_order": ("bond order", BondOrderEvolution(spaced(EVOLVED))),
+        "variance": ("number variance", NumberVariance(spaced(EVOLVED))),
+    }
+    try:
+        some = read_snapshot(run, 0)
+        possible = {}
+        for name, (what, quantity) in wanted.items():
+            reason = quantity.missing(some)
+            if reason:
+                found.missing.append((what, reason))
+            else:
+                possible[name] = quantity
+        compute_together(run, list(possible.values()))
+    except SuspendError as error:
+        found.missing.append(("structure", str(error)))
         return
-    radius, edge = found.scales["radius"], float(run.meta["L"])
-    frames = (run.frame(i) for i in (0, run.n_frames - 1))
-    found.order = tuple(bond_order(f["position"] / radius, edge / radius, f["tilt"]) for f in frames)
+    found.quantities |= possible

@@ -11,9 +11,7 @@ from suspend.analysis.steady import SteadyAverage, steady_average
 from suspend.report.examine import Examined
 from suspend.report.text import number, percent
 
-CRYSTALLINE = 0.15  # share of crystalline spheres; random packings are refused above it, too
-JUDGED = 100  # spheres from which on that share says something
-ORDERED = 0.15  # global Q6; fcc has 0.57, a fluid of n bonds about 1/sqrt(n)
+JUDGED = 100  # spheres from which on order says something
 FEW_SAMPLES = 32  # a cycle
 TAIL = 0.01  # of the first harmonic, in the highest odd ones: what lies above folds onto the lower ones
 LATE = 100.0  # total strain after which the responses of the paper still drift
@@ -66,7 +64,11 @@ def _samples(run: Examined):
 def _overlaps(run: Examined):
     count = int(np.sum(run.statistics.get("overlaps", 0)))
     if count:
-        yield Finding("overlaps", f"{number(count)} sample(s) were taken with spheres that overlap")
+        yield Finding("overlaps", f"{number(count)} time(s) spheres overlapped when the stress was sampled")
+    contacts = run.get("contacts")
+    if contacts is not None and contacts.overlaps.max(initial=0):
+        gap = number(float(contacts.smallest_gap.min()), 3)
+        yield Finding("overlaps", f"spheres overlap in the last stored positions (smallest gap {gap}&nbsp;a)")
 
 
 def _drift(run: Examined):
@@ -147,14 +149,13 @@ def _noise(run: Examined):
 
 
 def _crystal(run: Examined):
-    if run.order is None:
+    order = run.get("bond_order")
+    if order is None or run.scales["number"] < JUDGED:
         return
-    first, last = run.order
-    crystalline = run.scales["number"] >= JUDGED and last.crystal_fraction > CRYSTALLINE
-    if crystalline or (last.global_q6 > ORDERED and last.global_q6 > 4.0 / math.sqrt(max(last.bonds, 1))):
+    if order.crystallised:  # not by Q6, which is 1/sqrt(bonds) in a gas: large where there are few
+        share, q6 = 100.0 * order.crystal_fraction, order.global_q6
         yield Finding(
             "crystallised",
-            f"Q<sub>6</sub> is {number(last.global_q6, 3)} at the end (at the start {number(first.global_q6, 3)}), "
-            f"{100.0 * last.crystal_fraction:.0f}&nbsp;% of the spheres are crystalline (at the start "
-            f"{100.0 * first.crystal_fraction:.0f}&nbsp;%)",
+            f"Q<sub>6</sub> is {number(float(q6[-1]), 3)} at the end (at the start {number(float(q6[0]), 3)}), "
+            f"{share[-1]:.0f}&nbsp;% of the spheres are crystalline (at the start {share[0]:.0f}&nbsp;%)",
         )

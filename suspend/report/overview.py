@@ -65,7 +65,7 @@ def row_of(run: Examined, warnings: list[Finding], anchor: str) -> Row:
         run.far_field,
         float(run.analysis.total_strain[-1]) if run.analysis.cycles.size else 0.0,
         values,
-        run.order[1].global_q6 if run.order is not None else math.nan,
+        float(run.get("bond_order").global_q6[-1]) if run.get("bond_order") is not None else math.nan,
         float(np.sum(run.statistics["wall_time"])) if "wall_time" in run.statistics else math.nan,
         tuple(warning.name for warning in warnings) + (("missing data",) if run.missing else ()),
     )

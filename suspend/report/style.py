@@ -57,7 +57,7 @@ footer { margin-top: 3rem; border-top: 1px solid var(--line); padding-top: .5rem
   .figures { grid-template-columns: 1fr 1fr; }
   figure, tr, .notice { break-inside: avoid; }
   h2, h3 { break-after: avoid; }
-  section.run { break-before: page; }
+  section + section.run { break-before: page; }
   .wide { overflow: visible; }
   th, td { padding: .15rem .4rem; }
   pre { white-space: pre-wrap; }

@@ -40,21 +40,43 @@ def _averages(run: Examined) -> str:
         entries = [(label, steady[kind][name]) for label, (kind, name) in _RESULTS.items()]
     elif run.analysis.cycles.size and not run.oscillatory:
         columns = [c for c in run.analysis.columns if not c.startswith(("total_strain", "shear_rate"))]
-        entries = [
-            (escape(column.partition("[")[0]), steady_average(run.analysis[column], run.analysis.last))
-            for column in columns
-        ]
+        since = _last_reversal(run)
+        entries = [(_block_label(c), steady_average(run.analysis[c][since:], run.analysis.last)) for c in columns]
     else:
         return ""
     unit = "cycles" if run.oscillatory else "blocks"
     head = ("Quantity", "Mean ± standard error", "Independent " + unit, "Change", "Chance of it")
     count = entries[0][1]
     caption = (
-        f'<p class="soft">Over the last {count.cycles} of {len(run.analysis.values)} {unit}, their correlation '
+        f'<p class="soft">Over the last {run.analysis.last} of {len(run.analysis.values)} {unit}, their correlation '
         f"included in the error. Change: of the straight line through the last {count.reference} {unit}; chance: "
         "probability of such a change without drift.</p>"
     )
     return caption + table([(label, *_average_cells(average)) for label, average in entries], head)
+
+
+def _last_reversal(run: Examined) -> int:
+    """The first block of those at the end that are sheared in the same direction, and averaged together."""
+    direction = np.sign(run.analysis["shear_rate"])
+    other = np.flatnonzero(direction != direction[-1])
+    return min(int(other[-1]) + 1 if other.size else 0, len(direction) - run.analysis.last)
+
+
+def _block_label(column: str) -> str:
+    """Label of a column of block averages: the quantity, and which part of the stress it is of."""
+    name, _, unit = column.rstrip("]").partition("[")
+    base = next(base for base in _BLOCK_LABELS if name.startswith(base))
+    part = name.removeprefix(base).strip("_").replace("_", " ")
+    unit = "" if unit == "-" else f" [{escape(unit.replace('eta0', 'η0').replace('*', ' × '))}]"
+    return _BLOCK_LABELS[base] + (f", {part}" if part else "") + unit
+
+
+_BLOCK_LABELS = {
+    "eta_r": "η<sub>r</sub>, relative viscosity",
+    "sigma_xy": "σ<sub>xy</sub>",
+    "N1": "N<sub>1</sub>",
+    "N2": "N<sub>2</sub>",
+}
 
 
 def _average_cells(average: SteadyAverage) -> tuple[str, ...]:
@@ -87,11 +109,28 @@ def _dynamics(run: Examined) -> str:
         for k, axis in ((1, "yy"), (2, "zz")):
             value = with_error(float(diffusion.tensor[k, k]), float(diffusion.standard_error[k, k]))
             rows.append((f"D<sub>{axis}</sub>/γ&#775;a<sup>2</sup>", value))
-    if run.order is not None:
-        first, end = (f"{number(o.global_q6, 3)}, {100.0 * o.crystal_fraction:.1f}&nbsp;%" for o in run.order)
-        rows.append(("Q<sub>6</sub> and crystalline spheres, at the end", end))
-        rows.append(("Q<sub>6</sub> and crystalline spheres, at the start", first))
+    rows += _structure(run)
     return table(rows, kind="words") if rows else ""
+
+
+def _structure(run: Examined) -> list[tuple[str, str]]:
+    rows = []
+    order, variance, graph, contacts = (run.get(name) for name in ("bond_order", "variance", "graph", "contacts"))
+    if order is not None:
+        share = 100.0 * order.crystal_fraction
+        ends = [f"{number(float(order.global_q6[i]), 3)}, {share[i]:.1f}&nbsp;%" for i in (0, -1)]
+        rows.append(("Q<sub>6</sub> and crystalline spheres, start → end", " → ".join(ends)))
+    if variance is not None:
+        ends = [with_error(float(variance.beta[i]), float(variance.error[i])) for i in (0, -1)]
+        rows.append(("Exponent β of the number variance, start → end", " → ".join(ends)))
+    if graph is not None:
+        share = 100.0 * float(np.mean(graph.sizes < 4))
+        text = f"{number(float(graph.sizes.mean()), 3)} spheres on average, {share:.0f}&nbsp;% of less than 4"
+        rows.append(("Clusters of nearest neighbours", text))
+    if contacts is not None:
+        text = f"{number(float(contacts.contact_number.mean()), 3)} per sphere"
+        rows.append((f"Contacts (gap below {contacts.gap:g}&nbsp;a)", text))
+    return rows
 
 
 def harmonics(run: Examined) -> str:
@@ -141,7 +180,7 @@ def errors(run: Examined) -> str:
         last, text = run.last_diffusivity[0], "that this position error alone could make"
         if math.isfinite(last) and run.diffusivity_floor > 0.0:
             text += f"; the last D<sub>cyc</sub> is {number(last / run.diffusivity_floor, 2)} times it"
-        rows.append(("D<sub>cyc</sub>", number(run.diffusivity_floor, 3), text))
+        rows.append(("D<sub>cyc</sub> of that error", number(run.diffusivity_floor, 3), text))
     rows.append(("Near-field velocity solve", number(solver.get("tolerance")), "relative error, energy norm"))
     if run.far_field == "ewald":
         rows.append(("Coupled velocity solve", number(solver.get("far_tolerance")), "true relative residual"))
@@ -197,7 +236,7 @@ def cost(run: Examined) -> str:
     if "minimum_gap" in columns:
         gap = number(float(np.min(columns["minimum_gap"])), 3)
         rows.append(("Smallest gap", f"{gap}&nbsp;a", "of all samples and steps"))
-    machine = f"{meta.get('threads', '?')} of {meta.get('cores', '?')} cores, {meta.get('machine', '')}"
+    machine = f"{meta.get('threads', '?')} thread(s), {meta.get('cores', '?')} cores, {meta.get('machine', '')}"
     rows.append(("Machine", escape(machine), escape(f"begun {meta.get('created', 'at an unknown time')}")))
     text = f"{number(run.facts['frames'])} frames, {number(run.facts['samples'])} samples"
     rows.append(("On disk", f"{run.facts['bytes'] / 1e6:.3g}&nbsp;MB", text))

@@ -17,6 +17,7 @@ def number(value: float | int | None, digits: int = 4) -> str:
         return f"{value:,}".replace(",", "\u202f")
     if value != 0.0 and not 1e-3 <= abs(value) < 1e5:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
         return f"{_minus(mantissa)}&nbsp;×&nbsp;10<sup>{_minus(str(int(exponent)))}</sup>"
     return _minus(f"{value:.{digits}g}")
 
