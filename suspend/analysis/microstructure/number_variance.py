@@ -6,16 +6,17 @@ strongly hyperuniform states (Torquato & Stillinger, Phys. Rev. E 68, 041113, 20
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import curve_fit
+from scipy.optimize import OptimizeWarning, curve_fit
 
 from suspend.analysis.microstructure.snapshot import SPACED, FrameQuantity, Frames, Snapshot, tabulate_frames
 from suspend.errors import ConfigurationError
 
 SMALLEST = 2.0  # radii: the smallest test sphere
-_CENTRES, _VOLUME = 4000, 3.0  # test spheres: at most so many, one per so many a^3
+_CENTRES, _VOLUME = 12000, 3.0  # test spheres: at most so many, one per so many a^3
 _BLOCKS = 2  # per direction, for the error by leaving one out
 _MINIMUM_RANGE = 1.25  # L/4 has to exceed the smallest radius by this factor to say anything about a power
 
@@ -53,13 +54,13 @@ def number_variance(snapshot: Snapshot, radii: np.ndarray, centres: int | None =
     """sigma^2(r) and its exponent beta from an unweighted straight line through ln sigma^2 against ln r.
 
     One test centre lies at random in each of m^3 equal parts of the (sheared) cell, m^3 about `centres` (default:
-    one per 3 a^3, at most 4000), which samples more evenly than independent centres and is unbiased; <n> = N v/V
-    is known. With the default, the sampling adds 0.02 to 0.03 to the scatter of beta. The error of beta comes from
-    leaving out one octant of the cell at a time (jackknife). It is too small, because large test spheres reach
-    beyond an octant: for independent Poisson configurations it is 0.7 of the scatter found (0.18 at N = 500, 0.12
-    at N = 4096). The periodic cell holds a fixed N, which lowers sigma^2 by S(0) N (v/V)^2: for a Poisson
-    configuration by the factor 1 - v/V, at L/4 0.935, which takes 0.07 (N = 500) or 0.04 (N = 4096) from beta. As
-    in the paper, this is not corrected.
+    one per 3 a^3, at most 12000), which samples more evenly than independent centres and is unbiased; <n> = N v/V
+    is known. With the default, the sampling adds 0.03 (N = 500) or 0.01 (N >= 4000) to the scatter of beta. The
+    error of beta comes from leaving out one octant of the cell at a time (jackknife). It is too small, because
+    large test spheres reach beyond an octant: for independent Poisson configurations it is 0.7 of the scatter found
+    (0.18 at N = 500, 0.12 at N = 4096). The periodic cell holds a fixed N, which lowers sigma^2 by S(0) N (v/V)^2:
+    for a Poisson configuration by the factor 1 - v/V, at L/4 0.935, which takes 0.07 (N = 500) or 0.04 (N = 4096)
+    from beta. As in the paper, this is not corrected.
     """
     radii = np.asarray(radii, float)
     if centres is None:
@@ -96,7 +97,7 @@ def _decay(strain, beta0, beta_inf, nu):
 
 
 def fit_beta(total_strain, beta, error=None, free_start: bool = True) -> BetaFit:
-    """Fit beta = (beta0 - beta_inf)(1 + gamma_tot)^nu + beta_inf (eq. (8) of the paper) by least squares.
+    """Fit beta = (beta0 - beta_inf)(1 + gamma_tot)^nu + beta_inf (the equation of the paper for beta) by least squares.
 
     total_strain, beta, error (n,): weights 1/error^2 where errors are given. `free_start`: beta0 is fitted too;
     otherwise it is the first value. Standard errors from the scatter about the fit. Raises ConfigurationError
@@ -110,20 +111,22 @@ def fit_beta(total_strain, beta, error=None, free_start: bool = True) -> BetaFit
         )
     strain, beta = strain[good], beta[good]
     sigma = None if error is None else np.asarray(error, float)[good]
-    start = (beta[0], min(beta.min(), beta[0] - 0.05), -0.3)
+    start = (min(beta.min(), beta[0] - 0.05), -0.3, beta[0])
+
+    def model(s, low, nu, beta0=beta[0]):
+        return _decay(s, beta0, low, nu)
+
+    guess = start if free_start else start[:2]
     try:
-        if free_start:
-            best, covariance = curve_fit(_decay, strain, beta, start, sigma, maxfev=20000)
-        else:
-            best, covariance = curve_fit(
-                lambda s, low, nu: _decay(s, beta[0], low, nu), strain, beta, start[1:], sigma, maxfev=20000
-            )
-            best = np.array([beta[0], *best])
-            covariance = np.pad(covariance, ((1, 0), (1, 0)))
-    except (RuntimeError, ValueError) as failure:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", OptimizeWarning)  # no covariance: the parameters are not determined
+            best, covariance = curve_fit(model, strain, beta, guess, sigma, maxfev=20000)
+    except (RuntimeError, ValueError, OptimizeWarning) as failure:
         raise ConfigurationError(f"beta does not follow a decay with the total strain: {failure}") from failure
-    residual = float(np.sqrt(np.mean((_decay(strain, *best) - beta) ** 2)))
-    return BetaFit(*(float(v) for v in best), *(float(v) for v in np.sqrt(np.diag(covariance))), residual)
+    low, nu, beta0 = (float(v) for v in (*best, beta[0])[:3])
+    errors = [float(v) for v in (*np.sqrt(np.diag(covariance)), 0.0)[:3]]
+    residual = float(np.sqrt(np.mean((_decay(strain, beta0, low, nu) - beta) ** 2)))
+    return BetaFit(beta0, low, nu, errors[2], errors[0], errors[1], residual)
 
 
 class NumberVariance(FrameQuantity):
