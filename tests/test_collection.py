@@ -12,11 +12,17 @@ import pytest
 from suspend_cli.main import main
 from synthetic_runs import oscillatory_record, steady_record, stress, write_run
 
+from suspend.analysis.activity import ActiveFraction
 from suspend.analysis.collection import Collection
+from suspend.analysis.diffusion import SelfDiffusion
+from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
+from suspend.analysis.phase_diagram import PhaseDiagram
+from suspend.analysis.relaxation import Relaxation
 from suspend.analysis.run_paths import find_runs
 from suspend.analysis.signatures import Signatures
 from suspend.config import from_dict
 from suspend.errors import ConfigurationError, StorageError
+from suspend.io import Run
 
 AMPLITUDES = (0.4, 0.8, 1.0, 1.6)
 UNIT = 2.0  # viscosity times omega
@@ -215,3 +221,26 @@ def test_command_line(folder, tmp_path, capsys):
     assert code == 2 and "suspend plot" in log
     code, _, log = call(capsys, "analyze", folder, tmp_path / "absent")
     assert code == 4 and "absent" in log
+
+
+def test_figures_are_drawn(folder):
+    """Every quantity draws into given axes, with finite data where it has some, and says which axes are logarithmic."""
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+
+    def drawn(quantity) -> tuple:
+        ax = Figure().subplots()
+        quantity.plot(ax)
+        ax.figure.canvas.draw()
+        assert ax.lines or ax.collections or ax.containers
+        return ax.get_xscale(), ax.get_xlabel()
+
+    collection = Collection().compute(folder)
+    diagram = PhaseDiagram().compute(collection)
+    assert drawn(collection) == ("log", r"$\gamma_0$") and drawn(diagram.signatures[0])[1] == r"$\gamma_0$"
+    assert drawn(diagram)[1] == r"$\phi$"
+    with Run(folder / "phi0.3_g0.8_s1") as run:
+        assert drawn(CyclicDiffusivity().compute(run))[0] == "log" and drawn(ActiveFraction().compute(run))[0] == "log"
+        assert drawn(DisplacementCloud(stop=1.0).compute(run))[1] == r"$\Delta_x/a$"
+        assert drawn(Relaxation().compute(run))[0] == "log" and drawn(SelfDiffusion().compute(run))[0] == "log"

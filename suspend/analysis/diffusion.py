@@ -24,9 +24,10 @@ class SelfDiffusion(Quantity):
         x(t) - x(0) - Integral y gdot dt,
     with unwrapped y; the integral is the trapezoidal rule in strain over all stored frames. That is exact where y is
     constant or changes linearly in between. A y that diffuses between frames h of strain apart leaves
-    D_yy h^2/12 in D_xx and nothing in D_yy, D_zz (`quadrature_bias`; store frames more often to lower it:
-    output.position_phases). Oscillatory shear: cycle starts only, at equal strain, where the flow displaces nothing;
-    this is the diffusivity over all cycles, not D_cyc. No flow: strain is time x reference rate.
+    D_yy h^2/12 in D_xx and nothing in D_yy, D_zz (`quadrature_bias`; smoother paths leave less: a quarter of it at
+    phi = 0.4 and h = 1). Store frames more often to lower it: output.position_phases. Oscillatory shear: cycle starts
+    only, at equal strain, where the flow displaces nothing; this is the diffusivity over all cycles, not D_cyc.
+    No flow: strain is time x reference rate.
     All displacements are relative to the mean one, and averaged over spheres and origins.
 
     start : strain before which nothing is used. window : range of lags (low, high), in strain, of the straight-line
