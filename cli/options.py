@@ -91,3 +91,65 @@ class Figure(click.ParamType):
         if Path(value).suffix.lower() not in FIGURES:
             self.fail(f"found {value!r}; must end in {', '.join(FIGURES)}", param, ctx)
         return value
+
+
+class Accuracy(click.ParamType):
+    """A number in the range of accuracies."""
+
+    name = "tol"
+
+    def convert(self, value, param, ctx):
+        """A float; its range is checked where it is used, too."""
+        from suspend.config.schema import COARSEST, FINEST
+
+        try:
+            accuracy = float(value)
+        except ValueError:
+            accuracy = 0.0
+        if not FINEST <= accuracy <= COARSEST:
+            reason = f"{FINEST:g} (finer is lost in round-off) to {COARSEST:g}"
+            self.fail(f"found {value}; must be a number from {reason}", param, ctx)
+        return accuracy
+
+
+overrides_option = click.option(
+    "--set",
+    "overrides",
+    type=OverrideType(),
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Override a key, such as lubrication.at_cutoff=hard. May be repeated.",
+)
+threads_option = click.option(
+    "--threads", type=Threads(), metavar="N", help="Threads to compute with. [default: all cores]"
+)
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+
+
+def method_options(accuracy: float, meaning: str, far_field: str):
+    """Options of the one-shot commands: far field, lubrication, accuracy (default, what it means), overrides."""
+
+    def decorate(command):
+        for option in (
+            overrides_option,
+            click.option(
+                "--accuracy",
+                type=Accuracy(),
+                default=accuracy,
+                metavar="TOL",
+                show_default=True,
+                help=f"Relative error of {meaning}; replaces the tolerances of the file.",
+            ),
+            click.option(
+                "--no-lubrication", is_flag=True, help="Leave out the near-field interactions of pairs."
+            ),
+            click.option(
+                "--far-field",
+                type=click.Choice(["ewald", "self", "identity"]),
+                help=f"Far-field hydrodynamics. [default: {far_field}]",
+            ),
+        ):
+            command = option(command)
+        return command
+
+    return decorate

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from suspend_cli.options import OverrideType, Threads, use_threads
-from suspend_cli.solve import Accuracy
+from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
 \b
@@ -64,32 +63,11 @@ class Result(click.ParamType):
 @click.option(
     "--seed", type=click.IntRange(min=0), metavar="S", help="Of packings and random loads. [default: the file's, or 1]"
 )
-@click.option(
-    "--far-field",
-    type=click.Choice(["ewald", "self", "identity"]),
-    help="Far-field hydrodynamics. [default: that of the YAML file; ewald otherwise]",
-)
-@click.option("--no-lubrication", is_flag=True, help="Leave out the near-field interactions of pairs.")
-@click.option(
-    "--accuracy",
-    type=Accuracy(),
-    default=1e-3,
-    metavar="TOL",
-    show_default=True,
-    help="Relative error of each solve; replaces the tolerances of the file.",
-)
-@click.option(
-    "--set",
-    "overrides",
-    type=OverrideType(),
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Override a key, such as lubrication.at_cutoff=hard. May be repeated.",
-)
+@method_options(1e-3, "each solve", "that of the YAML file; ewald otherwise")
 @click.option("-o", "--output", type=Result(), metavar="FILE", help="Write the table (.csv) or everything (.json).")
-@click.option("--threads", type=Threads(), metavar="N", help="Threads to compute with. [default: all cores]")
+@threads_option
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+@quiet_option
 def properties(scene, output, as_json, quiet, **how) -> None:
     """Short-time properties: viscosity, self-diffusion, sedimentation.
 

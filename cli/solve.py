@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import click
-from suspend_cli.options import OverrideType, Threads, use_threads
+from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
 \b
@@ -20,55 +20,15 @@ Lengths in sphere radii a, forces in 6 pi eta0 a, torques in 6 pi eta0 a^2 (time
 """
 
 
-class Accuracy(click.ParamType):
-    """A number in the range of accuracies."""
-
-    name = "tol"
-
-    def convert(self, value, param, ctx):
-        """A float; its range is checked where it is used, too."""
-        from suspend.config.schema import COARSEST, FINEST
-
-        try:
-            accuracy = float(value)
-        except ValueError:
-            accuracy = 0.0
-        if not FINEST <= accuracy <= COARSEST:
-            reason = f"{FINEST:g} (finer is lost in round-off) to {COARSEST:g}"
-            self.fail(f"found {value}; must be a number from {reason}", param, ctx)
-        return accuracy
-
-
 @click.command(epilog=EPILOG)
 @click.argument("scene", type=click.Path())
-@click.option(
-    "--far-field",
-    type=click.Choice(["ewald", "self", "identity"]),
-    help="Far-field hydrodynamics. [default: the file's; ewald for npz]",
-)
-@click.option("--no-lubrication", is_flag=True, help="Leave out the near-field interactions of pairs.")
-@click.option(
-    "--accuracy",
-    type=Accuracy(),
-    default=1e-6,
-    metavar="TOL",
-    show_default=True,
-    help="Relative error of the answer; replaces the tolerances of the file.",
-)
-@click.option(
-    "--set",
-    "overrides",
-    type=OverrideType(),
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Override a key, such as lubrication.at_cutoff=hard. May be repeated.",
-)
+@method_options(1e-6, "the answer", "the file's; ewald for npz")
 @click.option(
     "-o", "--output", type=click.Path(), metavar="FILE", help="Write the answer (.json, .npz, .h5, .hdf5)."
 )
-@click.option("--threads", type=Threads(), metavar="N", help="Threads to compute with. [default: all cores]")
+@threads_option
 @click.option("--json", "as_json", is_flag=True, help="Print the whole answer as JSON.")
-@click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
+@quiet_option
 def solve(scene, output, as_json, quiet, **how) -> None:
     """Velocities, stresslets and viscosity of one configuration.
 
