@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 
+import numba
 import numpy as np
 import pytest
 
@@ -15,6 +16,7 @@ from suspend.config import from_dict
 from suspend.errors import ConfigurationError, Interrupted, NumericalError
 from suspend.io import Run
 from suspend.simulation import make_plan, run
+from suspend.simulation.progress import while_compiling
 
 
 def scene(number=30, phi=0.3, **changes):
@@ -52,6 +54,25 @@ def assert_identical(a, b):
             assert_identical(x, y)
     else:
         assert np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f")
+
+
+def test_only_compilations_are_shown_as_such(tmp_path):
+    """`compiling` is shown when and only when a kernel is compiled: at the first call of a new one, not at its second,
+    and never in a run that finds its kernels made.
+    """
+    kernel, seen = numba.njit(lambda x: x + 1.0), []
+    with while_compiling(lambda: seen.append(True)):
+        assert not seen
+        kernel(1.0)
+        once = len(seen)
+        kernel(2.0)
+    assert once >= 1 and len(seen) == once
+    run(scene(5, 0.1, duration__cycles=1), tmp_path / "first")
+    states = []
+    run(scene(5, 0.1, duration__cycles=1), tmp_path / "second", progress=states.append)
+    assert states and not any(state.compiling for state in states)
+    run(scene(5, 0.1, duration__cycles=1), tmp_path / "second", progress=states.append)
+    assert states[-1].fraction == pytest.approx(1.0, rel=1e-14) and not states[-1].compiling
 
 
 def test_lone_sphere_has_the_einstein_viscosity(tmp_path):

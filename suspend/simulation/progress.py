@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+from numba.core import event
 
 
 @dataclass
@@ -20,3 +23,22 @@ class ProgressState:
     elapsed: float
     compiling: bool
     initial_fraction: float
+
+
+class _Compilations(event.Listener):
+    def __init__(self, report: Callable[[], None]):
+        self.report = report
+
+    def on_start(self, _event) -> None:
+        self.report()
+
+    def on_end(self, _event) -> None:
+        pass
+
+
+def while_compiling(report: Callable[[], None]):
+    """Context in which `report()` is called whenever Numba begins to compile a kernel.
+
+    Kernels that are in memory or loaded from Numba's cache are not compiled, so do not count.
+    """
+    return event.install_listener("numba:compile", _Compilations(report))

@@ -11,7 +11,7 @@ from suspend.dynamics import Counters
 from suspend.errors import Interrupted, NumericalError
 from suspend.io import RunStore
 from suspend.simulation.in_memory import Simulation
-from suspend.simulation.progress import ProgressState
+from suspend.simulation.progress import ProgressState, while_compiling
 from suspend.simulation.stop import Stop
 from suspend.simulation.summary import Summary
 
@@ -40,23 +40,29 @@ class Session:
         simulation, store = self.simulation, self.store
         if not store.has_state:
             store.save(*simulation.dump())
-        self._report(compiling=True)
         if simulation.state.cycle >= simulation.flow.cycles:
+            self._report()
             if not store.finished:
                 store.finish(simulation.dump()[0], simulation.final_frame())
             return
+        with while_compiling(lambda: self._report(compiling=True)):
+            self._cycles()
+        store.finish(simulation.dump()[0], simulation.final_frame())
+
+    def _cycles(self) -> None:
+        simulation = self.simulation
         while True:
             self._cycle()
             if simulation.state.cycle >= simulation.flow.cycles:
                 break
             self._interrupt()
-        store.finish(simulation.dump()[0], simulation.final_frame())
 
     def _cycle(self) -> None:
         simulation, clock = self.simulation, time.monotonic()
         try:
             if simulation.between_cycles:
                 simulation.begin_cycle()
+            self._report()
             while simulation.events:
                 simulation.step()
                 self._report()
