@@ -245,6 +245,18 @@ def test_bad_requests(tmp_path, many, name, which, options, text):
     assert not list(tmp_path.glob("figure*"))
 
 
+def test_snapshot_of_steady_shear(tmp_path):
+    """Drawn at any flow; displacements over a cycle are refused where there is none."""
+    flow = {"type": "steady", "rate": 1.0}
+    record = steady_record(0, {"rate": 1.0, "viscosity": VISCOSITY}, stress(np.full(8, 6.0)))
+    record["particle_stress"] = np.broadcast_to(record["stress_hydrodynamic"][:, None] / 4.0, (8, 4, 6))
+    run = write_run(tmp_path / "steady", configuration(flow, {"strain": 1.0}), [record], np.zeros((4, 3)))
+    drawn("snapshot", [run], tmp_path / "a", formats=["png"])
+    np.testing.assert_allclose(values(tmp_path / "a.csv", "stress[eta0*rate]"), 6.0 / VISCOSITY)
+    with pytest.raises(ConfigurationError, match="oscillatory"):
+        make_figure("snapshot", [run], tmp_path / "b", colour="displacement")
+
+
 def test_broken_and_unfinished_runs(tmp_path, many):
     """Alone: an error; among others: left out and said."""
     broken = tmp_path / "broken"

@@ -9,7 +9,7 @@ import numpy as np
 
 from suspend.errors import ConfigurationError
 from suspend.figures.runs import Member
-from suspend.figures.scalars import Scalar, scalar_kind, scalar_of_frame
+from suspend.figures.scalars import DISPLACEMENT, Scalar, scalar_kind, scalar_of_frame
 from suspend.figures.style import DIVERGING, SEQUENTIAL
 from suspend.structure import cell_vectors, wrap
 
@@ -57,7 +57,10 @@ def pictures(
     with member.open() as run:
         if not run.cycles:
             raise ConfigurationError(f"{member.path}: no complete cycle is stored yet: nothing to draw")
-        index = run.cycles - 1 if cycle is None else cycle
+        last = run.cycles - 1
+        if colour.lower() == DISPLACEMENT and not run.finished:
+            last = max(last - 1, 0)  # the end of the last cycle is not stored yet
+        index = last if cycle is None else cycle
         if not -run.cycles <= index < run.cycles:
             raise ConfigurationError(f"{member.path}: there is no cycle {cycle}: {run.cycles} are complete, from 0")
         index %= run.cycles

@@ -56,7 +56,7 @@ def make_figure(
             written.append(stem.with_name(f"{stem.name}.{suffix}"))
             panels[0].write(written[-1])
         return Drawn(written + (write_tables(panels, stem) if with_csv else []), runs.notes)
-    return Drawn(write_page(panels, kind.size, stem, formats, with_csv), runs.notes)
+    return Drawn(write_page(panels, panels[0].size or kind.size, stem, formats, with_csv), runs.notes)
 
 
 def _taken(kind: FigureKind) -> str:

@@ -97,9 +97,9 @@ class SecondDifference(Panel):
                 line = {"linestyle": "-" if c.far_field else "", "linewidth": 0.7, "elinewidth": 0.7}
                 k = c.known
                 ax.errorbar(c.gamma0[k], c.value[k], yerr=errors_or_none(c.error[k]), **line, **style, **face)
-        end = max(float(c.gamma0[-1]) for c in self.total)
         for c, fit in zip(self.total, self.fits, strict=True):
             if fit:
+                end = float(c.gamma0[-1])
                 x = np.geomspace(max(fit[0], 0.01 * end), end, 100)
                 colour = marker_style(c, self.total)["color"]
                 ax.plot(x, fit[1] * (x - fit[0]), "--", color=colour, linewidth=0.7)

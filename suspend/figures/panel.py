@@ -28,6 +28,11 @@ class Panel(ABC):
     def __init__(self, runs: Runs, **options):
         """Compute. Raises ConfigurationError where the runs lack what is needed."""
 
+    @property
+    def size(self) -> tuple[float, float] | None:
+        """Width and height in inches where the content decides; None: that of the figure's kind."""
+        return None
+
     @abstractmethod
     def draw(self, page: SubFigure) -> None:
         """Make axes on `page` and draw; the first axes made bear the letter."""

@@ -54,9 +54,12 @@ def scalar_kind(name: str, run: Run) -> Scalar:
             )
         short = name.removeprefix("stress-").removeprefix(STRESS) or "xy"
         symbol = {"n1": "N_{1,i}", "n2": "N_{2,i}", "pressure": "p_i"}.get(short, rf"\sigma_{{{short},i}}")
-        return Scalar(name, rf"$N {symbol}/\eta_0\gamma_0\omega$", f"{name}[eta0*rate]", True)
+        rate = r"\gamma_0\omega" if _oscillatory(run) else r"|\dot\gamma|"
+        return Scalar(name, rf"$N\,{symbol}/\eta_0{rate}$", f"{name}[eta0*rate]", True)
     if name == DISPLACEMENT:
-        return Scalar(name, r"displacement over the cycle, $|\Delta_i|/a$", f"{name}[a]", False)
+        if not _oscillatory(run):
+            raise ConfigurationError(f"{run.path}: displacements over a cycle need oscillatory shear (flow.type)")
+        return Scalar(name, r"$|\Delta_i|/a$ over the cycle", f"{name}[a]", False)
     if name == "none":
         return Scalar(name, "", "", False)
     if name not in fields or np.shape(run.series(name, 0, 1))[1:] != (int(run.meta["number"]),):
@@ -65,6 +68,10 @@ def scalar_kind(name: str, run: Run) -> Scalar:
             "and stored series with one number for every sphere"
         )
     return Scalar(name, name, f"{name}[units of the configuration]", True)
+
+
+def _oscillatory(run: Run) -> bool:
+    return run.config["flow"]["type"] == "oscillatory"
 
 
 def scalar_of_frame(scalar: Scalar, run: Run, frame: dict, scales: dict) -> np.ndarray:

@@ -125,7 +125,7 @@ class NumberVarianceExponent(Panel):
     def __init__(self, runs: Runs):
         self.member = max([m for m in oscillatory(runs) if _equals(m, runs.nearest(CRITICAL))], key=lambda m: m.number)
         with self.member.open() as run:
-            self.variance = NumberVariance(spaced(24), centres=8000).compute(run)
+            self.variance = NumberVariance(spaced(24)).compute(run)
         self.fit = _resolved_fit(self.variance)
 
     def tables(self) -> dict[str, Columns]:

@@ -34,7 +34,10 @@ STYLE = {
     "axes.linewidth": 0.6,
     "axes.titlesize": 8.0,
     "legend.fontsize": 6.5,
-    "legend.frameon": False,
+    "legend.frameon": True,  # a veil without an edge: lines may pass below it
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.75,
+    "legend.fancybox": False,
     "legend.handlelength": 1.6,
     "legend.borderaxespad": 0.4,
     "legend.labelspacing": 0.3,
