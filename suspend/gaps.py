@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from suspend.core.jit import kernel
+from suspend.core.pairs import separation
 from suspend.errors import NumericalError
 
 CLOSE = 1e-3  # radii: gap below which a pair is kept
@@ -23,35 +24,27 @@ SWEEPS = 400
 
 
 @kernel
-def _separation(row, position, edge, tilt, out):
-    i, j = row[0], row[1]
-    out[0] = position[j, 0] - position[i, 0] + edge * (row[2] + tilt * row[3])
-    out[1] = position[j, 1] - position[i, 1] + edge * row[3]
-    out[2] = position[j, 2] - position[i, 2] + edge * row[4]
-    return math.sqrt(out[0] * out[0] + out[1] * out[1] + out[2] * out[2])
-
-
-@kernel
 def _close_rows(pairs, position, edge, tilt, below):
     chosen = np.empty(pairs.shape[0], np.int64)
     gap = np.empty(pairs.shape[0])
     found = 0
-    d = np.empty(3)
+    reach2 = (2.0 + below) ** 2
     for p in range(pairs.shape[0]):
-        r = _separation(pairs[p], position, edge, tilt, d)
-        if r - 2.0 < below and pairs[p, 0] != pairs[p, 1]:
+        dx, dy, dz = separation(pairs, p, position, edge, tilt)
+        r2 = dx * dx + dy * dy + dz * dz
+        if r2 < reach2 and pairs[p, 0] != pairs[p, 1]:
             chosen[found] = p
-            gap[found] = r - 2.0
+            gap[found] = math.sqrt(r2) - 2.0
             found += 1
     return chosen[:found], gap[:found]
 
 
 @kernel
 def _rates(rows, position, edge, tilt, velocity, shear_rate, rate):
-    d = np.empty(3)
     for p in range(rows.shape[0]):
         i, j = rows[p, 0], rows[p, 1]
-        r = _separation(rows[p], position, edge, tilt, d)
+        d = separation(rows, p, position, edge, tilt)
+        r = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         approach = shear_rate * d[1] * d[0]
         for c in range(3):
             approach += (velocity[j, c] - velocity[i, c]) * d[c]
@@ -61,13 +54,13 @@ def _rates(rows, position, edge, tilt, velocity, shear_rate, rate):
 @kernel
 def _hold(rows, position, edge, tilt, log_gap, accuracy, sweeps):
     """Gauss-Seidel over the pairs; returns the largest relative error of a gap that is left."""
-    d = np.empty(3)
     worst = 0.0
     for _ in range(sweeps):
         worst = 0.0
         for p in range(rows.shape[0]):
             i, j = rows[p, 0], rows[p, 1]
-            r = _separation(rows[p], position, edge, tilt, d)
+            d = separation(rows, p, position, edge, tilt)
+            r = math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
             gap = math.exp(log_gap[p])
             excess = r - 2.0 - gap
             worst = max(worst, abs(excess) / gap)
