@@ -1,4 +1,4 @@
-"""The configuration: strict, validated, with every key declared once in `suspend.config.schema`.
+"""The configuration: strict, validated, with every key declared once, in `physics`, `numerics` and `schema`.
 
 Example: `config = load("configs/paper.yaml", ["flow.amplitude=0.4"]); print(config.to_yaml())`.
 """

@@ -12,7 +12,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from suspend.config.schema import DENSEST_RANDOM, NEAR_SHARE
+from suspend.config.numerics import NEAR_SHARE
+from suspend.config.physics import DENSEST_RANDOM
 from suspend.config.tree import Problems
 
 NOISE = 10.0  # largest far_tolerance over the integrator's: at 100 no step is accepted (N = 100, phi = 0.3)

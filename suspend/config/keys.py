@@ -1,6 +1,6 @@
 """What the configuration knows about a key: type, default, unit, allowed values, meaning.
 
-A key is declared once, as a dataclass field of `suspend.config.schema` whose metadata holds a `Key`;
+A key is declared once, as a dataclass field of `physics`, `numerics` or `schema` whose metadata holds a `Key`;
 validation, the reference file and `suspend init` are made from it.
 """
 
