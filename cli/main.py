@@ -62,6 +62,7 @@ Examples:
   suspend analyze runs/demo
   suspend analyze runs/demo --csv moduli.csv --plot moduli.pdf
   suspend analyze runs/demo --json | jq .averages
+  suspend analyze runs/demo --dynamics --structure
   suspend analyze runs/phi0.4_*                   many runs: values against amplitude, gamma_c
   suspend analyze runs/phi* --csv runs.csv        one row a run
 """
@@ -168,7 +169,9 @@ def _print_result(result, as_json: bool) -> None:
     help="Draw Lissajous curves and the evolution over cycles (.png, .pdf).",
 )
 @click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
-def analyze(paths, as_json, csv_path, plot_path, last) -> None:
+@click.option("--dynamics", is_flag=True, help="One run: displacements, active fraction, decay of D_cyc.")
+@click.option("--structure", is_flag=True, help="One run: g(r), clusters, density fluctuations, order, contacts.")
+def analyze(paths, as_json, csv_path, plot_path, last, dynamics, structure) -> None:
     """Print the moduli, normal stresses and diffusivity of every cycle.
 
     RUN is the folder of a run, which may still be going on. Of several runs, or a folder that holds them: values
@@ -180,6 +183,8 @@ def analyze(paths, as_json, csv_path, plot_path, last) -> None:
     if len(runs) > 1:
         if plot_path is not None:
             raise click.UsageError("--plot draws one run; `suspend plot` draws several")
+        if dynamics or structure:
+            raise click.UsageError("--dynamics and --structure are of one run")
         _analyze_many(runs, as_json, csv_path, last)
         return
     path = runs[0]
@@ -194,12 +199,31 @@ def analyze(paths, as_json, csv_path, plot_path, last) -> None:
 
         plot_first_figure(analysis, plot_path)
         click.echo(f"figure written to {plot_path}", err=True)
+    sections = _sections(path, dynamics, structure)
     if as_json:
         from suspend_cli.report import to_json
 
-        click.echo(to_json(analysis.as_dict()))
-    else:
-        click.echo(analysis.table().rstrip("\n"))
+        click.echo(to_json(analysis.as_dict() | sections))
+        return
+    click.echo(analysis.table().rstrip("\n"))
+    if sections:
+        from suspend.analysis.sections import format_section
+
+        for section in sections.values():
+            click.echo("\n" + format_section(section))
+
+
+def _sections(path, dynamics: bool, structure: bool) -> dict:
+    """Further sections of the analysis, by name."""
+    sections = {}
+    if dynamics or structure:
+        from suspend.analysis.sections import dynamics_section, structure_section
+
+        if dynamics:
+            sections["dynamics"] = dynamics_section(path)
+        if structure:
+            sections["structure"] = structure_section(path)
+    return sections
 
 
 def _analyze_many(paths, as_json, csv_path, last) -> None:
