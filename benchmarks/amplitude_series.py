@@ -62,6 +62,7 @@ def main() -> None:
                 f"particles.volume_fraction={arguments.phi}",
                 f"seed={arguments.seed}",
                 f"duration.strain={arguments.strain}",
+                "output.position_phases=[0, 0.5]",
             ],
         )
         directory = arguments.out / f"gamma0_{amplitude:g}"
