@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 GAMMA0 = r"strain amplitude $\gamma_0$"
+_FEW = 3  # entries of a legend that find their place among the curves
+_ROW = 0.055  # height of a row of a legend relative to axes as high as the page
 _FILLS = ("none", "full", "left", "top", "right", "bottom")  # of markers, one for each setup
 
 
@@ -90,12 +92,16 @@ def marker_style(curve: Curve, curves: list[Curve]) -> dict:
 
 
 def fills(curves: list[Curve]) -> dict[str, str]:
-    """Filling of the markers of each setup."""
+    """Filling of the markers of each setup: full with far field, empty for the setup with the most points without."""
+    points = {setup: sum(len(c.gamma0) for c in curves if c.setup == setup) for setup in {c.setup for c in curves}}
+    ordered = sorted(points, key=lambda setup: (-points[setup], setup))
     far = {c.setup for c in curves if c.far_field}
-    given = {setup: "full" for setup in sorted(far)[:1]}
+    given = {setup: "full" for setup in ordered if setup in far}
+    given = dict(list(given.items())[:1])
     free = [fill for fill in _FILLS if fill not in given.values()]
-    for setup in sorted({c.setup for c in curves} - set(given)):
-        given[setup] = free.pop(0) if free else "none"
+    for setup in ordered:
+        if setup not in given:
+            given[setup] = free.pop(0) if len(free) > 1 else free[0]
     return given
 
 
@@ -132,7 +138,7 @@ def fraction_entries(curves: list[Curve]) -> list:
     from matplotlib.lines import Line2D
 
     entries, seen = [], set()
-    for c in sorted(curves, key=lambda c: c.phi):
+    for c in sorted(curves, key=lambda c: (c.phi, -len(c.gamma0))):
         if c.phi not in seen:
             seen.add(c.phi)
             style = marker_style(c, curves)
@@ -141,7 +147,7 @@ def fraction_entries(curves: list[Curve]) -> list:
     far = {c.setup: c.far_field for c in curves}
     plain = len(setups) == 2 and set(far.values()) == {True, False}
     for setup, fill in sorted(setups.items()) if len(setups) > 1 else ():
-        text = ("with far field" if far[setup] else "without") if plain else setup.replace("_", " ") or "other"
+        text = ("with far field" if far[setup] else "without") if plain else short_setup(setup)
         face = {"fillstyle": fill} if fill != "none" else {"markerfacecolor": "white"}
         entries.append(
             Line2D([], [], linestyle="", marker="o", color=BLACK, label=text, markerfacecoloralt="white", **face)
@@ -149,9 +155,28 @@ def fraction_entries(curves: list[Curve]) -> list:
     return entries
 
 
-def fraction_legend(ax: Axes, curves: list[Curve], **where) -> None:
-    """The legend of `fraction_entries`."""
-    ax.legend(handles=fraction_entries(curves), **{"loc": "best"} | where)
+def short_setup(setup: str) -> str:
+    """The text of a setup in a legend."""
+    for long, short in (("far_field = ewald", "far field"), ("far_field = self", "no far field"), ("_", " ")):
+        setup = setup.replace(long, short)
+    return setup or "other"
+
+
+def fraction_legend(ax: Axes, curves: list[Curve], row: float = _ROW) -> None:
+    """The legend of `fraction_entries`; a long one gets room above the curves, `row` of the height for each entry."""
+    entries = fraction_entries(curves)
+    if len(entries) > _FEW:
+        headroom(ax, row * len(entries))
+    ax.legend(handles=entries, loc="upper left" if len(entries) > _FEW else "best")
+
+
+def headroom(ax: Axes, share: float) -> None:
+    """Raise the upper limit of y so that `share` of the height is free above what is shown now."""
+    low, high = ax.get_ylim()
+    if ax.get_yscale() == "log":
+        ax.set_ylim(low, high * (high / low) ** (share / (1.0 - share)))
+    else:
+        ax.set_ylim(low, high + (high - low) * share / (1.0 - share))
 
 
 class AgainstAmplitude(Panel):
@@ -175,4 +200,8 @@ class AgainstAmplitude(Panel):
         draw_curves(ax, self.curves)
         ax.set_ylabel(self.label)
         ax.margins(y=0.12)
+        self.scale(ax)
         fraction_legend(ax, self.curves)
+
+    def scale(self, ax: Axes) -> None:
+        """Change the scale of y before the legend is placed."""

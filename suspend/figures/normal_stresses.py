@@ -55,7 +55,7 @@ class FirstDifference(Panel):
         upper.set_xlabel("")
         upper.set_ylabel(r"$\langle N_1\rangle/\eta_0\gamma_0\omega$")
         lower.set_ylabel("hydrodynamic part")
-        fraction_legend(upper, self.total)
+        fraction_legend(upper, self.total, row=0.09)
 
 
 class SecondDifference(Panel):
@@ -162,7 +162,7 @@ class Doubling(Panel):
         upper.set_xlabel("")
         upper.set_ylabel(r"$|\nu_4|/|\nu_2|$")
         lower.set_ylabel("hydrodynamic part")
-        fraction_legend(upper, self.total)
+        fraction_legend(upper, self.total, row=0.09)
 
 
 class SecondLissajous(Panel):

@@ -94,6 +94,7 @@ class Clusters(Panel):
         axes[0, 1].text(
             1.938, 0.98, " doublet\n at 2.1 a", transform=axes[0, 1].get_xaxis_transform(), fontsize=6, va="top"
         )
+        axes[0, 1].set_title(title_of(self.member), loc="right", fontsize=6, pad=2)
         axes[1, 0].set_xlabel("cluster size")
         axes[1, 1].set_xlabel("shape factor")
 

@@ -50,7 +50,7 @@ class ViscosityEvolution(Panel):
         for member in self.members:
             with member.open() as run:
                 cycles_of(run, member.path)
-                self.moduli.append(Moduli(runs.last).compute(run))
+                self.moduli.append(Moduli().compute(run))
                 self.loops.append(half_cycle(Lissajous(1).compute(run)))
 
     def tables(self) -> dict[str, Columns]:
@@ -103,12 +103,11 @@ class SteadyViscosity(AgainstAmplitude):
     quantity = "eta_r_prime"
     label = r"$\eta_r^\prime$"
 
-    def draw(self, page) -> None:
-        """On a logarithmic axis where the fractions differ much."""
-        super().draw(page)
+    def scale(self, ax) -> None:
+        """Logarithmic where the fractions differ much."""
         values = values_of(self.curves)
         if values.size and values.min() > 0.0 and values.max() > 2.5 * values.min():
-            log_axis_of(page.axes[0], "y", values, 1.1)
+            log_axis_of(ax, "y", values, 1.1)
 
 
 class Thinning(Panel):
