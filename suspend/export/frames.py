@@ -63,7 +63,8 @@ class FrameChoice:
             raise ConfigurationError(f"{run.path} holds no positions (yet): nothing to export; let the run go on")
         self.indices = _indices(frames, count, run)
         if phase is not None:
-            self.indices = [i for i in self.indices if _same_phase(run.frame(i)["phase"], phase)]
+            near = np.abs(_phases(run) - phase) < PHASE_TOLERANCE
+            self.indices = [i for i in self.indices if near[i]]
             if not self.indices:
                 raise ConfigurationError(
                     f"{run.path}: no chosen frame is at phase {phase:g}; output.position_phases of the run "
@@ -101,8 +102,10 @@ def _radius(run: Run) -> float:
     return float(radius if radius is not None else run.config["particles"].get("radius", 1.0))
 
 
-def _same_phase(a: float, b: float) -> bool:
-    return abs(a - b) < PHASE_TOLERANCE
+def _phases(run: Run) -> np.ndarray:
+    """Phase of every frame; positions are read of the final one only."""
+    phases = run.series("frame_phase")
+    return phases if len(phases) == run.n_frames else np.append(phases, run.frame(-1)["phase"])
 
 
 def _indices(frames: slice | tuple[int, ...] | None, count: int, run: Run) -> list[int]:

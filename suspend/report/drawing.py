@@ -104,8 +104,9 @@ def _of_cycles(run: Examined):
     if run.get("cloud") is not None:
         yield (
             lambda ax: _cloud(ax, run),
-            "Displacements over the last cycle",
-            "Every sphere in the plane of flow (x) and gradient (y), in radii.",
+            "Displacements over a cycle",
+            f"Every sphere over cycle {run.get('cloud').summary()['cycle']} (counted from 0) in the plane of flow (x) "
+            "and gradient (y), in radii.",
         )
 
 

@@ -79,6 +79,11 @@ class Examined:
         return self.quantities.get(name)
 
     @property
+    def notes(self) -> list[str]:
+        """What the quantities say of themselves."""
+        return list(dict.fromkeys(note for q in self.quantities.values() for note in getattr(q, "notes", ())))
+
+    @property
     def last_diffusivity(self) -> tuple[float, float]:
         """D_cyc of the last cycle and its standard error over the spheres; NaN where it is not known."""
         found = self.get("diffusivity")
@@ -153,7 +158,8 @@ def _dynamics(found: Examined, run: Run) -> None:
         lambda: Relaxation().fit(diffusivity.total_strain, diffusivity.d_cyc, floor if floor > 0.0 else 0.0),
         "relaxation",
     )
-    _try(found, "displacements in the last cycle", lambda: DisplacementCloud(-1, 0.0, 1.0).compute(run), "cloud")
+    known = len(diffusivity.d_cyc) - 1  # the end of the last cycle may not be stored yet
+    _try(found, "displacements over a cycle", lambda: DisplacementCloud(known, 0.0, 1.0).compute(run), "cloud")
 
 
 def _structure(found: Examined, run: Run) -> None:

@@ -81,6 +81,9 @@ def _drift(run: Examined):
         average = averages[name]
         if average.drifting and abs(average.change) > SETTLED * scale:
             yield Finding("not steady", _drifting(label, average, scale))
+        elif average.verdict == "slow" and abs(average.change) > SETTLED * scale:
+            text = f"{label} changes as slowly as the last {average.reference} cycles are long: drift or noise"
+            yield Finding("steadiness not known", text)
     late = _since(run, moduli.eta_r_prime)
     if late is not None:
         yield late

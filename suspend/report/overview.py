@@ -67,7 +67,7 @@ def row_of(run: Examined, warnings: list[Finding], anchor: str) -> Row:
         values,
         float(run.get("bond_order").global_q6[-1]) if run.get("bond_order") is not None else math.nan,
         float(np.sum(run.statistics["wall_time"])) if "wall_time" in run.statistics else math.nan,
-        tuple(warning.name for warning in warnings) + (("missing data",) if run.missing else ()),
+        tuple(dict.fromkeys([warning.name for warning in warnings] + ["missing data"] * bool(run.missing))),
     )
 
 
@@ -85,14 +85,14 @@ def overview(rows: list[Row]) -> str:
     head = ("Run", "φ", "γ<sub>0</sub>", "N", "Far field", "Total strain", "η<sub>r</sub>′")
     head += ("−η<sub>3</sub>′/η<sub>1</sub>′", "−ν<sub>0</sub>/η<sub>0</sub>")
     head += ("|ν<sub>4</sub>|/|ν<sub>2</sub>|", "D<sub>cyc</sub>", "Q<sub>6</sub>", "Time", "Warnings")
-    body = table([_cells(row) for row in rows], head)
+    body = table([_cells(row) for row in rows], head, kind="dense")
     note = '<p class="soft">Averages over the last cycles of each run; their errors are in its section.</p>'
     return f'<section id="overview"><h2>All runs</h2>\n{note}{body}\n{_figures(rows)}</section>'
 
 
 def _cells(row: Row) -> tuple[str, ...]:
     def value(name: str, sign: float = 1.0) -> str:
-        return number(sign * row.values.get(name, _NOT_KNOWN)[0])
+        return number(sign * row.values.get(name, _NOT_KNOWN)[0], 3)
 
     return (
         f'<a href="#{row.anchor}">{escape(row.name)}</a>',
@@ -101,7 +101,7 @@ def _cells(row: Row) -> tuple[str, ...]:
         str(row.number),
         escape(row.far_field),
         number(row.strain),
-        value("eta_r_prime"),
+        number(row.values.get("eta_r_prime", _NOT_KNOWN)[0]),
         value("minus_eta3_over_eta1"),
         value("N2_nu0", -1.0),
         value("N2_nu4_over_nu2"),
@@ -113,10 +113,10 @@ def _cells(row: Row) -> tuple[str, ...]:
 
 
 def _figures(rows: list[Row]) -> str:
-    families: dict[tuple[float, str], list[Row]] = {}
+    families: dict[tuple[float, str, int], list[Row]] = {}
     for row in rows:
         if math.isfinite(row.gamma0):
-            families.setdefault((round(row.phi, 4), row.far_field), []).append(row)
+            families.setdefault((round(row.phi, 4), row.far_field, row.number), []).append(row)
     if len({row.gamma0 for family in families.values() for row in family}) < 2:
         return ""
     drawn = []
@@ -127,15 +127,15 @@ def _figures(rows: list[Row]) -> str:
 
 
 def _curves(ax: Axes, families: dict, name: str, sign: float, label: str) -> None:
-    several = len({far for _, far in families}) > 1
+    fields, sizes = (len({key[k] for key in families}) > 1 for k in (1, 2))
     shown = []
-    for index, ((phi, far), family) in enumerate(sorted(families.items())):
+    for index, ((phi, far, size), family) in enumerate(sorted(families.items())):
         known = sorted((r.gamma0, *r.values[name]) for r in family if math.isfinite(r.values.get(name, _NOT_KNOWN)[0]))
         if not known:
             continue
         gamma0, mean, error = np.array(known).T
         mean = sign * mean
-        text = rf"$\phi = {short(phi)}$" + (f", {far}" if several else "")
+        text = rf"$\phi = {short(phi)}$" + (f", {far}" if fields else "") + (f", $N = {size}$" if sizes else "")
         ax.errorbar(gamma0, mean, errors_or_none(error), label=text, **curve_style(index))
         shown.append((gamma0, mean))
     ax.set_xlabel(r"$\gamma_0$")

@@ -32,6 +32,10 @@ thead th { text-align: right; color: var(--soft); font-weight: 600; vertical-ali
 thead th:first-child { text-align: left; }
 table.words td { text-align: left; white-space: normal; min-width: 12rem; }
 table.words th[scope=row] { vertical-align: top; }
+table.dense { font-size: .86rem; }
+table.dense th, table.dense td { padding: .28rem .38rem; }
+table.dense td:last-child, table.dense th:last-child { text-align: left; }
+table.dense td:last-child { white-space: normal; min-width: 8rem; }
 .figures { display: grid; gap: 1rem; grid-template-columns: repeat(auto-fit, minmax(min(100%, 19rem), 1fr)); }
 figure { margin: 0; padding: .6rem; background: var(--panel); border: 1px solid var(--line); border-radius: .4rem; }
 figure img { display: block; width: 100%; max-width: 30rem; height: auto; margin: 0 auto; background: #fff;

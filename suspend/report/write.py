@@ -144,7 +144,7 @@ def _notices(run: Examined, warnings: list[Finding]) -> str:
     if missing:
         items = "".join(f"<li><b>{escape(what)}</b>: {escape(why)}</li>" for what, why in missing)
         found += f'<div class="notice"><h3>Missing</h3><ul>{items}</ul></div>'
-    return found
+    return found + "".join(f'<p class="soft">Note: {escape(note)}.</p>' for note in run.notes)
 
 
 def _legend() -> str:
