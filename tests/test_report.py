@@ -51,6 +51,12 @@ def clean_run(path, cycles=16, *, positions=None, parts=PARTS, samples=64, chang
     return write_run(path, config, records, walk[-1] if options.get("finished", True) else None)
 
 
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Most of a report's time are its figures."""
+    monkeypatch.setattr("suspend.report.write.figures_of", lambda run: [])
+
+
 def names(path):
     return [finding.name for finding in findings(examine(path))]
 
@@ -168,7 +174,7 @@ RICH = PARTS | {"hydrodynamic": lambda t: stress(3.0 * np.cos(t) + 0.2 * np.cos(
         ({"cycles": 2}, ["too few cycles"]),
     ],
 )
-def test_each_defect_is_named(tmp_path, options, expected):
+def test_each_defect_is_named(tmp_path, without_figures, options, expected):
     """One defect, one warning, on the page too. Harmonic 7 is 0.2/(3 + 1.6) = 4 % in the rich stress."""
     path = clean_run(tmp_path / "run", **options)
     assert names(path) == expected
@@ -250,8 +256,20 @@ def test_other_flows(tmp_path, flow, signs, averaged):
     assert f"last {averaged} of 6 blocks" in text
 
 
+def test_drift_of_steady_shear(tmp_path):
+    """A viscosity that falls by a tenth over the last half of the blocks is not steady; a constant one is."""
+    scales, config = {"rate": 1.0, "viscosity": 2.0}, configuration({"type": "steady", "rate": 1.0}, {"strain": 20.0})
+    noise = np.random.default_rng(2).normal(size=20)
+    for name, slope, expected in (("falls", 0.02, ["not steady"]), ("stays", 0.0, [])):
+        levels = 6.0 * (1.0 - slope * np.arange(20)) + 0.01 * noise
+        records = [steady_record(k, scales, stress(np.full(16, level))) for k, level in enumerate(levels)]
+        for record in records:
+            record["position"][0] = record["unwrapped"][0] = lattice()[:4]
+        assert names(write_run(tmp_path / name, config, records, lattice()[:4])) == expected
+
+
 @pytest.mark.parametrize("number_of_spheres", [1, 2])
-def test_few_spheres(tmp_path, number_of_spheres):
+def test_few_spheres(tmp_path, without_figures, number_of_spheres):
     """One or two spheres: the rest of the report, and what is missing with the reason."""
     path = clean_run(tmp_path / "run", 4, positions=lattice()[:number_of_spheres])
     write_report([path], tmp_path / "r.html")

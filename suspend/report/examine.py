@@ -79,6 +79,13 @@ class Examined:
         return self.quantities.get(name)
 
     @property
+    def last_reversal(self) -> int:
+        """The first block of those at the end that are sheared in the same direction, and averaged together."""
+        direction = np.sign(self.analysis["shear_rate"])
+        other = np.flatnonzero(direction != direction[-1])
+        return min(int(other[-1]) + 1 if other.size else 0, len(direction) - self.analysis.last)
+
+    @property
     def notes(self) -> list[str]:
         """What the quantities say of themselves."""
         return list(dict.fromkeys(note for q in self.quantities.values() for note in getattr(q, "notes", ())))

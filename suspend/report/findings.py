@@ -29,9 +29,22 @@ class Finding(NamedTuple):
 def findings(run: Examined) -> list[Finding]:
     """All warnings about a run, the gravest first."""
     found = [*_progress(run), *_samples(run), *_overlaps(run)]
-    if run.analysis.cycles.size and run.oscillatory:
-        found += [*_drift(run), *_resolution(run), *_noise(run)]
+    if run.analysis.cycles.size:
+        found += [*_drift(run), *_resolution(run), *_noise(run)] if run.oscillatory else _drift_of_blocks(run)
     return [*found, *_crystal(run)]
+
+
+def checked(run: Examined) -> list[str]:
+    """What `findings` could look for in this run, in words."""
+    steadiness = run.get("moduli") is not None or "eta_r" in run.analysis
+    possible = {
+        "finished": True,
+        "steady": steadiness,
+        "resolved": run.get("moduli") is not None,
+        "without overlaps": "overlaps" in run.statistics,
+        "not crystallised": run.get("bond_order") is not None and run.scales["number"] >= JUDGED,
+    }
+    return [name for name, looked in possible.items() if looked]
 
 
 def _progress(run: Examined):
@@ -89,10 +102,19 @@ def _drift(run: Examined):
         yield late
 
 
-def _drifting(label: str, average: SteadyAverage, scale: float) -> str:
+def _drift_of_blocks(run: Examined):
+    if run.analysis.flow == "quiescent":
+        return
+    values = run.analysis["eta_r"][run.last_reversal :]
+    average = steady_average(values, run.analysis.last)
+    if average.drifting and abs(average.change) > SETTLED * abs(average.mean):
+        yield Finding("not steady", _drifting("η<sub>r</sub>", average, abs(average.mean), "blocks"))
+
+
+def _drifting(label: str, average: SteadyAverage, scale: float, unit: str = "cycles") -> str:
     return (
-        f"{label} changes by {number(average.change, 3)} ({percent(average.change / scale)} of η<sub>r</sub>′) "
-        f"over the last {average.reference} cycles, by chance with probability {number(average.p_value, 2)}"
+        f"{label} changes by {number(average.change, 3)} ({percent(average.change / scale)} of the viscosity) "
+        f"over the last {average.reference} {unit}, by chance with probability {number(average.p_value, 2)}"
     )
 
 

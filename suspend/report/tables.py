@@ -40,7 +40,7 @@ def _averages(run: Examined) -> str:
         entries = [(label, steady[kind][name]) for label, (kind, name) in _RESULTS.items()]
     elif run.analysis.cycles.size and not run.oscillatory:
         columns = [c for c in run.analysis.columns if not c.startswith(("total_strain", "shear_rate"))]
-        since = _last_reversal(run)
+        since = run.last_reversal
         entries = [(_block_label(c), steady_average(run.analysis[c][since:], run.analysis.last)) for c in columns]
     else:
         return ""
@@ -53,13 +53,6 @@ def _averages(run: Examined) -> str:
         "probability of such a change without drift.</p>"
     )
     return caption + table([(label, *_average_cells(average)) for label, average in entries], head)
-
-
-def _last_reversal(run: Examined) -> int:
-    """The first block of those at the end that are sheared in the same direction, and averaged together."""
-    direction = np.sign(run.analysis["shear_rate"])
-    other = np.flatnonzero(direction != direction[-1])
-    return min(int(other[-1]) + 1 if other.size else 0, len(direction) - run.analysis.last)
 
 
 def _block_label(column: str) -> str:

@@ -14,7 +14,7 @@ from suspend.io.files import replace_atomically, storage_errors, write_bytes
 from suspend.report import tables
 from suspend.report.drawing import figures_of
 from suspend.report.examine import Examined, examine
-from suspend.report.findings import Finding, findings
+from suspend.report.findings import Finding, checked, findings
 from suspend.report.overview import Row, overview, row_of
 from suspend.report.style import CSS
 from suspend.report.text import number, preformatted, unfolding
@@ -137,7 +137,7 @@ def _notices(run: Examined, warnings: list[Finding]) -> str:
         items = "".join(f"<li><b>{name}</b>: {text}</li>" for name, text in warnings)
         found += f'<div class="notice"><h3>Warnings</h3><ul>{items}</ul></div>'
     elif run.analysis.cycles.size:
-        found += '<p class="fine">No warnings: finished, steady, resolved, without overlaps or crystals.</p>'
+        found += f'<p class="fine">No warnings: {", ".join(checked(run))}.</p>'
     missing = [*run.missing]
     if not run.analysis.cycles.size:
         missing += [("results", note) for note in run.analysis.notes]
