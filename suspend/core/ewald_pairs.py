@@ -50,11 +50,13 @@ class PackedPairs(NamedTuple):
 
 
 @kernel
-def pack_rows(first, last, start, pairs, offset, position, edge, tilt, table, packed):
+def pack_rows(first, last, start, placed, table, packed):
     """Scalars of the pairs of spheres first:last closer than table.cutoff, packed sphere by sphere.
 
-    start : (N + 1,) first block a sphere may use. Returns the number of pairs.
+    placed : `suspend.core.pairs.PlacedPairs`; start : (N + 1,) first block a sphere may use. Returns the number of
+    pairs.
     """
+    pairs, offset, position, edge, tilt = placed
     f = np.empty(7)
     cutoff2 = table.cutoff * table.cutoff
     total = 0

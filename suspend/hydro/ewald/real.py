@@ -18,16 +18,15 @@ from suspend.core.ewald_pairs import (
     unpack_loads,
 )
 from suspend.core.jit import parallel_kernel
+from suspend.core.pairs import PlacedPairs
 from suspend.hydro.rows import split_rows
 
 
 @parallel_kernel
-def _pack(chunks, start, pairs, offset, position, edge, tilt, table, packed):
+def _pack(chunks, start, placed, table, packed):
     number = np.zeros(chunks.shape[0] - 1, np.int64)
     for t in numba.prange(chunks.shape[0] - 1):
-        number[t] = pack_rows(
-            chunks[t], chunks[t + 1], start, pairs, offset, position, edge, tilt, table, packed
-        )
+        number[t] = pack_rows(chunks[t], chunks[t + 1], start, placed, table, packed)
     return number.sum()
 
 
@@ -72,9 +71,8 @@ class RealPart:
 
     def place(self, position: np.ndarray, edge: float, tilt: float) -> None:
         """Scalars of all listed pairs closer than the cutoff at positions (N, 3) (radii) and this tilt."""
-        self.number_of_pairs = _pack(
-            self._chunks, self._start, self.pairs, self.offset, position, edge, tilt, self.table, self.packed
-        )
+        placed = PlacedPairs(self.pairs, self.offset, position, edge, tilt)
+        self.number_of_pairs = _pack(self._chunks, self._start, placed, self.table, self.packed)
 
     def add(self, loads: np.ndarray, result: np.ndarray) -> None:
         """result (N, 11) += real part . loads (N, 11), [U, Omega, E] from [F, T, S], units 6 pi eta0 a^n."""
