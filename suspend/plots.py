@@ -5,6 +5,7 @@ Drawn off screen (Agg), colours of Okabe and Ito (distinct for colour-blind read
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -72,6 +73,7 @@ def plot_first_figure(analysis: Analysis, path: os.PathLike | str) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on the dates of matplotlib's fonts in a PDF
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(7.0, 4.3 if analysis.oscillatory else 2.5), layout="constrained")
         FigureCanvasAgg(figure)

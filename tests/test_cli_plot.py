@@ -74,3 +74,9 @@ def test_errors(capsys, tmp_path, monkeypatch, run, arguments, code, text):
     found, out, err = call(capsys, *(run if part == "RUN" else part for part in arguments))
     assert found == code and text in err and not out and "Traceback" not in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_there_yet(capsys, tmp_path, run):
+    """A path that ends in a slash is a folder, which is made."""
+    assert call(capsys, "n2-lissajous", run, "-o", f"{tmp_path}/new/", "--no-csv", "--format", "png")[0] == 0
+    assert [p.name for p in (tmp_path / "new").iterdir()] == ["n2-lissajous.png"]

@@ -47,7 +47,8 @@ def require(*packages: str) -> None:
     """Raise ConfigurationError where an optional package is not installed."""
     missing = [name for name in packages if importlib.util.find_spec(name) is None]
     if missing:
-        raise ConfigurationError(f"this needs {' and '.join(missing)}: pip install {' '.join(packages)}")
+        way = f"pip install {' '.join(packages)}, or suspend[data]"
+        raise ConfigurationError(f"this needs {' and '.join(missing)}: {way}")
 
 
 def to_pandas(run: Run, table: str = "cycles") -> pandas.DataFrame:

@@ -66,7 +66,8 @@ def _taken(kind: FigureKind) -> str:
 def _names(kind: FigureKind, output, formats: list[str] | None, allowed: tuple[str, ...]) -> tuple[Path, list[str]]:
     """The path without suffix, and the suffixes to write."""
     path = Path(output) if output is not None else Path(kind.name)
-    if path.is_dir():
+    if path.is_dir() or (output is not None and os.fspath(output).endswith(os.sep)):
+        path.mkdir(parents=True, exist_ok=True)
         path = path / kind.name
     default = list(allowed[:1]) if kind.name == "animation" else list(allowed)
     suffix = path.suffix.lower()[1:]
