@@ -124,10 +124,12 @@ def _resolve_tolerances(values: Values) -> None:
         return
     shares = [("integrator", "tolerance", 1.0), ("solver", "tolerance", NEAR_SHARE)]
     if values.get("far_field") == "ewald":
-        shares += [("solver", "far_tolerance", 1.0), ("ewald", "tolerance", 1.0)]
+        shares.append(("ewald", "tolerance", 1.0))
     for section, name, share in shares:
         if values[section] is not None and values[section].get(name, 0.0) is None:
             values[section][name] = share * tolerance
+    if values.get("far_field") == "ewald" and values["solver"].get("far_tolerance", 0.0) is None:
+        values["solver"]["far_tolerance"] = min(tolerance, values["integrator"].get("tolerance", tolerance))
 
 
 def _noise(values: Values, complain: Complain) -> None:

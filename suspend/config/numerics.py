@@ -117,7 +117,8 @@ class Solver:
     )
     far_tolerance: float | None = key(
         "number",
-        "coupled solve of near and far field: true residual, relative; null = the run's tolerance",
+        "coupled solve of near and far field: true residual, relative; null = the run's tolerance, or"
+        " integrator.tolerance where that is smaller",
         default=None,
         least=1e-12,
         most=0.1,
