@@ -283,6 +283,7 @@ def test_keys_that_do_not_belong(overrides, key):
         (["far_field=ewald", "ewald.grid=[16, 16, 6]", "ewald.support=8"], "ewald.grid"),
         (["far_field=ewald", "particles.number=1", "particles.volume_fraction=0.55"], "particles.number"),
         (["far_field=ewald", "solver.far_tolerance=1e-2", "integrator.tolerance=1e-4"], "solver.far_tolerance"),
+        (["far_field=ewald", "integrator.tolerance=1e-5", "ewald.tolerance=1e-3"], "ewald.tolerance"),
         (["tolerance=0.1"], "tolerance"),
         (["integrator.method=rk2"], "integrator.step"),
         (["integrator.min_step=0.2"], "integrator.min_step"),
@@ -315,7 +316,8 @@ def test_impossible_combinations_and_values(overrides, key):
         ([], (1e-3, 1e-5, 1e-3, 1e-3)),
         (["tolerance=1e-4"], (1e-4, 1e-6, 1e-4, 1e-4)),
         (["tolerance=1e-4", "integrator.tolerance=2e-3"], (2e-3, 1e-6, 1e-4, 1e-4)),
-        (["integrator.tolerance=1e-6"], (1e-6, 1e-5, 1e-6, 1e-3)),
+        (["integrator.tolerance=1e-6"], (1e-6, 1e-5, 1e-6, 1e-6)),
+        (["integrator.tolerance=1e-12"], (1e-12, 1e-5, 1e-12, 1e-10)),
         (["solver.tolerance=3e-6", "ewald.tolerance=1e-5"], (1e-3, 3e-6, 1e-3, 1e-5)),
         (["solver.far_tolerance=1e-6", "ewald.tolerance=null"], (1e-3, 1e-5, 1e-6, 1e-3)),
     ],
@@ -323,7 +325,7 @@ def test_impossible_combinations_and_values(overrides, key):
 def test_tolerances_follow_from_the_one_of_the_run(overrides, expected):
     """Integrator, near-field solve, coupled solve, Ewald sum: 1, 1/100, 1, 1 times the run's, unless given.
 
-    The coupled solve's is not above the integrator's, whose error estimate it would drown.
+    Those of the far field are not above the integrator's, whose error estimate they would drown.
     """
     config = loads(TEXT, overrides=["far_field=ewald", *overrides])
     found = (

@@ -12,11 +12,11 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-from suspend.config.numerics import NEAR_SHARE
+from suspend.config.numerics import FINEST, NEAR_SHARE
 from suspend.config.physics import DENSEST_RANDOM
 from suspend.config.tree import Problems
 
-NOISE = 10.0  # largest far_tolerance over the integrator's: at 100 no step is accepted (N = 100, phi = 0.3)
+NOISE = 10.0  # largest far-field tolerance over the integrator's: at 100 no step is accepted (N = 100, phi = 0.3)
 HARMONICS = 9  # analysed of the stress; a Fourier sum of n samples resolves harmonics below n/2
 DENSEST_WITH_GAP = 0.62  # of a random packing, its minimum gap counted as part of the spheres
 
@@ -123,26 +123,30 @@ def _resolve_tolerances(values: Values) -> None:
     if tolerance is None:
         return
     shares = [("integrator", "tolerance", 1.0), ("solver", "tolerance", NEAR_SHARE)]
-    if values.get("far_field") == "ewald":
-        shares.append(("ewald", "tolerance", 1.0))
     for section, name, share in shares:
         if values[section] is not None and values[section].get(name, 0.0) is None:
             values[section][name] = share * tolerance
-    if values.get("far_field") == "ewald" and values["solver"].get("far_tolerance", 0.0) is None:
-        values["solver"]["far_tolerance"] = min(tolerance, values["integrator"].get("tolerance", tolerance))
+    if values.get("far_field") != "ewald":
+        return
+    finer = min(tolerance, values["integrator"].get("tolerance", tolerance))
+    for section, name, least in (("solver", "far_tolerance", 0.0), ("ewald", "tolerance", FINEST)):
+        if values[section] is not None and values[section].get(name, 0.0) is None:
+            values[section][name] = max(finer, least)
 
 
 def _noise(values: Values, complain: Complain) -> None:
-    found = _all(values["solver"], "far_tolerance"), _all(values["integrator"], "tolerance")
-    if values.get("far_field") != "ewald" or not all(found) or values["integrator"].get("step") is not None:
+    """Errors of the far field that jump from step to step must not drown the integrator's estimate."""
+    found = _all(values["integrator"], "tolerance")
+    if values.get("far_field") != "ewald" or not found or values["integrator"].get("step") is not None:
         return
-    far, step = found[0][0], found[1][0]
-    if far > NOISE * step:
-        complain(
-            "solver.far_tolerance",
-            f"found {far:g}; must be at most {NOISE:g} x integrator.tolerance, {step:g}: the error of the solve would"
-            " be taken for the step's, and no step be small enough. Lower it, or set `tolerance` alone",
-        )
+    for section, name in (("solver", "far_tolerance"), ("ewald", "tolerance")):
+        given = (values[section] or {}).get(name)
+        if given is not None and given > max(NOISE * found[0], FINEST):
+            complain(
+                f"{section}.{name}",
+                f"found {given:g}; must be at most {NOISE:g} x integrator.tolerance, {found[0]:g}: its error would be"
+                " taken for the step's, and no step be small enough. Lower it, or set `tolerance` alone",
+            )
 
 
 def _lubrication(values: Values, complain: Complain) -> None:

@@ -17,8 +17,8 @@ class Ewald:
 
     tolerance: float = key(
         "number",
-        "relative error of a mobility product (2-norm, random loads); null = the run's tolerance; below 1e-10"
-        " is round-off",
+        "relative error of a mobility product (2-norm, random loads); null = the run's tolerance, or"
+        " integrator.tolerance where that is smaller; below 1e-10 is round-off",
         default=None,
         least=FINEST,
         most=COARSEST,
