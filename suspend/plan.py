@@ -14,7 +14,8 @@ EVALUATIONS_PER_STRAIN = 90.0  # at integrator.tolerance 1e-3
 BYTES_PER_PAIR = 400
 PRODUCTS = 6.0  # with the mobility in a warm solve (benchmarks/bench_coupled.py)
 SECONDS_AROUND = 4e-7  # and sphere: near field and orthogonalisation of one iteration
-FAR_BYTES = 15_000  # a sphere, at tolerance 1e-3
+FAR_BYTES = 5_000  # a sphere, at tolerance 1e-3, beside the near field
+BASE_MB = 200  # interpreter, libraries and compiled kernels
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def _estimates(config, flow: Flow, edge: float, reach: float, ewald) -> dict:
         "cycles": flow.cycles,
         "total_strain": strain,
         "pairs": round(pairs),
-        "memory_MB": 120
+        "memory_MB": BASE_MB
         + (BYTES_PER_PAIR * 1.5 * pairs + 3000 * number + 3 * sphere_stress) / 1e6
         + (FAR_BYTES * number / 1e6 if ewald is not None else 0.0),
         "evaluations": round(evaluations),
