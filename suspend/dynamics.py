@@ -19,6 +19,9 @@ from suspend.hydro.neighbours import VerletList
 
 HISTORY = 3  # earlier velocities from which the near-field solve's start is extrapolated
 FAR_HISTORY = 2  # the same for the coupled solve (benchmarks/bench_coupled.py)
+# Smallest gap (radii) from which a factorisation serves several coupled solves: one of a pair that has since turned by
+# an angle t lets t^2/(4 gap) of its stiffness into soft directions.
+STIFF_GAP = 1e-3
 VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
 
 
@@ -169,6 +172,7 @@ class Suspension:
             if gap <= 0.0 and self.scene.table.frozen <= 0.0:
                 raise Overlap(gap)
             self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
+            self.smallest_gap = gap
         self.pair_stress, self.overlaps = np.zeros(6), 0
         if self.force_range > 0.0:
             self._add_pair_forces(position, tilt, load)
@@ -205,7 +209,8 @@ class Suspension:
 
     def _solve_coupled(self, load, rate: float, position, tilt: float, time: float) -> np.ndarray:
         if self.near is not None:
-            if self.factor_point is None or self.factor_age >= self.settings.factor_life:
+            old = self.factor_age >= self.settings.factor_life or self.smallest_gap < STIFF_GAP
+            if self.factor_point is None or old:
                 self.factor(position, tilt)
                 self.factor_age = 0
             self.factor_age += 1

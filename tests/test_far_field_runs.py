@@ -127,3 +127,17 @@ def test_too_small_a_cell_is_refused():
     """A cell edge below two radii: a sphere would overlap its own image."""
     with pytest.raises(ConfigurationError, match="overlaps its own image"):
         far(1, 0.6)
+
+
+def test_smooth_spheres_without_repulsion(tmp_path):
+    """F0 = 0: gaps fall below 1e-8 a and close pairs turn while they touch. The coupled solve must go on converging
+    (it did not with a factorisation of the pairs' earlier directions), within a few tens of iterations, and no step
+    may be cut by overlaps more than now and then.
+    """
+    config = far(50, 0.4, repulsion="null", flow__amplitude=0.8)
+    run(config, tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        statistics = {name: column[0] for name, column in stored.statistics().items()}
+    assert statistics["minimum_gap"] < 1e-7
+    assert statistics["iterations"] < 40 * statistics["evaluations"]
+    assert statistics["rejected_overlap"] < 10
