@@ -16,6 +16,11 @@ def edge_length(number: int, volume_fraction: float) -> float:
     return (number * 4.0 * math.pi / (3.0 * volume_fraction)) ** (1.0 / 3.0)
 
 
+def volume_fraction(number: int, edge: float) -> float:
+    """Volume fraction of `number` spheres in a cubic cell of edge L (radii), the inverse of `edge_length`."""
+    return number * 4.0 * math.pi / 3.0 / edge**3
+
+
 def flips_of(strain: float) -> int:
     """Whole number of cell flips that brings the tilt `strain - flips` into [-1/2, 1/2)."""
     return math.floor(strain + 0.5)

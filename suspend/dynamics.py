@@ -143,6 +143,7 @@ class Suspension:
         self.baseline = 0  # iterations of the solve after the last factorisation
         self.factor_point = None  # positions and tilt of the last factorisation
         self.factor_age = 0  # evaluations with far field since then
+        self.far_stresslet = None  # (N, 5) of the last evaluation with far field, on the fluid
 
     def renew(self, position: np.ndarray, strain: float, tilt: float) -> None:
         """Build the neighbour list from these positions; the preconditioner goes with it."""
@@ -248,10 +249,9 @@ class Suspension:
 
     def stress(self, velocity: np.ndarray, rate: float) -> dict[str, np.ndarray]:
         """Bulk stress (six components, eta0 Gamma) by part at the positions of the last evaluation."""
-        far = self.far_stresslet if self.far is not None else None
         return {
             "fluid": 2.0 * rate * self._unit_strain_rate(),
-            "hydrodynamic": self._hydrodynamic_stress(velocity, rate, far),
+            "hydrodynamic": self._hydrodynamic_stress(velocity, rate, self.far_stresslet),
             "interparticle": 6.0 * np.pi / self.scene.edge**3 * self.pair_stress,
         }
 
@@ -296,7 +296,7 @@ class Suspension:
         self, position: np.ndarray, tilt: float, velocity: np.ndarray, rate: float
     ) -> np.ndarray:
         """Stress of each sphere (N, 6), hydrodynamic and interparticle; the sum is the bulk's less fluid."""
-        each = self._far_stresslets(rate, self.far_stresslet if self.far is not None else None)
+        each = self._far_stresslets(rate, self.far_stresslet)
         if self.near is not None:
             each += self.near.stresslet_of_each(
                 self.scene.odd_table, position, self.scene.edge, tilt, velocity, rate * self.strain_rate

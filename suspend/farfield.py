@@ -9,31 +9,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from suspend.box import volume_fraction
 from suspend.conventions import ROTATIONAL_DRAG
 from suspend.hydro.ewald.mobility import Mobility
 from suspend.hydro.ewald.parameters import EwaldParameters, choose_parameters
 from suspend.hydro.two_sphere_matrices import five_of
 from suspend.solvers.coupled import CoupledSolution, CoupledSolver
 
-SPHERE_VOLUME = 4.0 * np.pi / 3.0
 # An inner iteration with a mobility of 1 % error halves the time of a solve at 1e-6, changes nothing at 1e-3, and
 # above phi = 0.45 keeps the accurate products few (benchmarks/bench_coupled.py)
 COARSE, NESTED_BELOW, CROWDED = 1e-2, 2e-4, 0.45
 
 
-def screened_drags(volume_fraction: float) -> tuple[float, float]:
+def screened_drags(phi: float) -> tuple[float, float]:
     """Drag and rotational drag D of the preconditioner (R_nf + D).
 
     A sphere among others feels a larger drag than alone. Fitted to the fewest products at phi = 0.01 to 0.55
     (benchmarks/bench_coupled.py): any value within a factor of two costs at most one product more.
     """
-    factor = 1.0 + 10.0 * volume_fraction
+    factor = 1.0 + 10.0 * phi
     return factor, factor * ROTATIONAL_DRAG
 
 
-def stresslet_scale(volume_fraction: float) -> float:
+def stresslet_scale(phi: float) -> float:
     """Eigenvalue of M_ES taken by the preconditioner: 0.9 of a lone sphere, smaller in a crowd."""
-    return max(0.9 - volume_fraction, 0.5)
+    return max(0.9 - phi, 0.5)
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def make_parameters(section, tolerance: float, number: int, edge: float) -> FarF
     names = ("split", "cutoff", "grid", "window", "support")
     fixed = {name: getattr(section, name) for name in names if getattr(section, name, None) is not None}
     accurate = choose_parameters(tolerance, number, edge, **fixed)
-    crowded = number * SPHERE_VOLUME / edge**3 > CROWDED
+    crowded = volume_fraction(number, edge) > CROWDED
     nested = tolerance <= NESTED_BELOW or (crowded and tolerance < COARSE)
     return FarFieldParameters(accurate, choose_parameters(COARSE, number, edge) if nested else None)
 
@@ -76,8 +76,8 @@ class FarField:
     def __init__(self, edge: float, number: int, parameters, near, tolerance: float, limit: int, threads: int):
         self.mobility = Mobility(edge, number, parameters.accurate, threads)
         self.coarse = Mobility(edge, number, parameters.coarse, threads) if parameters.coarse is not None else None
-        phi = number * SPHERE_VOLUME / edge**3
-        self.solver = CoupledSolver(self.mobility, near, stresslet_scale(phi), limit, self.coarse)
+        scale = stresslet_scale(volume_fraction(number, edge))
+        self.solver = CoupledSolver(self.mobility, near, scale, limit, self.coarse)
         self.tolerance = tolerance
 
     def place(self, position: np.ndarray, tilt: float, pairs: np.ndarray, offset: np.ndarray) -> None:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from suspend.box import edge_length
 from suspend.core.packing_kernels import metropolis, separate
 from suspend.errors import ConfigurationError, NumericalError
 from suspend.structure import bond_order, carnahan_starling, contact_value, smallest_distance
@@ -175,7 +176,7 @@ def _cell_and_diameter(
             "packings reach; lower particles.volume_fraction or particles.minimum_gap, or read the "
             "configuration from a file"
         )
-    length = (number * 4.0 * math.pi / (3.0 * volume_fraction)) ** (1.0 / 3.0)
+    length = edge_length(number, volume_fraction)
     if length < (2.0 + minimum_gap) * (1.0 + ROUNDING):
         raise ConfigurationError(
             f"random packing: the cell's edge is {length:.4f} radii, so that a sphere would touch its own "

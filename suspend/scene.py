@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from suspend.box import edge_length
+from suspend.box import edge_length, volume_fraction
 from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import Scene, SolverSettings, Suspension
 from suspend.forces import pair_force
@@ -54,10 +54,10 @@ def make_scene(config, edge: float | None = None) -> Scene:
     edge = edge or edge_length(config.particles.number, config.particles.volume_fraction)
     drags, ewald = (1.0, 1.0 if identity else ROTATIONAL_DRAG), None
     if config.far_field == "ewald":
-        from suspend.farfield import SPHERE_VOLUME, make_parameters, screened_drags
+        from suspend.farfield import make_parameters, screened_drags
 
         ewald = make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
-        drags = screened_drags(config.particles.number * SPHERE_VOLUME / edge**3)
+        drags = screened_drags(volume_fraction(config.particles.number, edge))
     external = np.zeros(6)
     if config.external is not None:
         external[:3], external[3:] = config.external.force, config.external.torque

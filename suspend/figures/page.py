@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,7 +46,6 @@ def write_page(
 ) -> list[Path]:
     """Write STEM.png, STEM.pdf and the CSV of every panel; the paths. Atomic each. Raises StorageError."""
     written = []
-    logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on the dates of matplotlib's fonts in a PDF
     with journal():
         figure = draw_page(panels, size)
         for kind in formats:

@@ -7,11 +7,10 @@ import functools
 import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
+from suspend.dynamics import SolverSettings
 from suspend.hydro.neighbours import find_pairs
 from suspend.oneshot.scene import Method, PeriodicScene
 from suspend.scene import threads_used
-
-CLOSE_GAP = 0.2  # radii: pairs below it enter the incomplete factorisation, as in runs
 
 
 class Hydrodynamics:
@@ -47,7 +46,7 @@ class Hydrodynamics:
         pairs, offset = find_pairs(self.position, self.scene.edge, self.tilt, law.cutoff)
         self.near.use_list(pairs, offset)
         self.near.assemble(self.position, self.scene.edge, self.tilt)
-        self.near.precondition(CLOSE_GAP)
+        self.near.precondition(SolverSettings.close_gap)  # as in runs
 
     def _place_far_field(self) -> None:
         from suspend.farfield import FarField

@@ -66,6 +66,10 @@ class Choices:
             result.append("lubrication.enabled=false")
         return result + list(self.overrides)
 
+    def method(self, config: Config) -> Method:
+        """How to solve at these choices in the place of the configuration's own tolerances."""
+        return method_of(config, self.named(), self.accuracy, self.threads)
+
     def named(self) -> set[str]:
         """Keys that --set gives."""
         return {entry.partition("=")[0].strip() for entry in self.overrides}
@@ -85,26 +89,29 @@ def read_problem(path: str | Path, choices: Choices | None = None) -> Problem:
     return _from_npz(path, choices) if path.suffix.lower() == ".npz" else _from_configuration(path, choices)
 
 
-def _method(config: Config, choices: Choices) -> Method:
-    """Tolerances of a run do not count here: accuracy does, or what --set gives."""
-    named, solver, ewald = choices.named(), config.solver, config.ewald
+def method_of(config: Config, named: set[str], accuracy: float, threads: int) -> Method:
+    """Method of a configuration at the accuracy asked for.
+
+    The tolerances of a run count only where they are among the keys `named` by --set.
+    """
+    solver, ewald = config.solver, config.ewald
     if ewald is not None and not {"ewald", "ewald.tolerance"} & named:
         ewald = replace(ewald, tolerance=None)
     return Method(
         far_field=config.far_field,
         lubrication=config.lubrication,
-        accuracy=choices.accuracy,
+        accuracy=accuracy,
         ewald=ewald,
         near_tolerance=solver.tolerance if "solver.tolerance" in named else None,
         far_tolerance=solver.far_tolerance if "solver.far_tolerance" in named else None,
         max_iterations=solver.max_iterations,
-        threads=choices.threads,
+        threads=threads,
     )
 
 
 def _from_configuration(path: Path, choices: Choices) -> Problem:
     config = load(path, choices.configured())
-    method = _method(config, choices)
+    method = choices.method(config)
     from suspend.flow import make_flow
     from suspend.initial import prepare_initial
 
@@ -163,7 +170,7 @@ def _from_npz(path: Path, choices: Choices) -> Problem:
     }
     config = from_dict(base, source="--set", overrides=choices.configured())
     ignored = tuple(sorted(set(arrays) - set(ARRAYS)))
-    return Problem(str(path), scene, _method(config, choices), forces, torques, rate, ignored=ignored)
+    return Problem(str(path), scene, choices.method(config), forces, torques, rate, ignored=ignored)
 
 
 def _read_arrays(path: Path) -> dict[str, np.ndarray]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from suspend.config import Config, from_dict, load
 from suspend.errors import ConfigurationError
+from suspend.oneshot.problem_files import method_of
 from suspend.oneshot.scene import Method, PeriodicScene
 from suspend.short_time.ensemble import equilibrium_scenes
 
@@ -91,7 +92,7 @@ def _from_configuration(config: Config, request: Request) -> Ensemble:
         particles.number, particles.volume_fraction, count, seed, particles.minimum_gap
     )
     source = "random packings" if request.path is None else f"random packings of {request.path}"
-    return Ensemble(scenes, count, method_of(config, request), seed, source, True)
+    return Ensemble(scenes, count, _method(config, request), seed, source, True)
 
 
 def _one(path: Path, frame: int, config: Config, request: Request) -> Ensemble:
@@ -104,22 +105,9 @@ def _one(path: Path, frame: int, config: Config, request: Request) -> Ensemble:
     radius = loaded.radius if loaded.radius is not None else 1.0
     scene = PeriodicScene(loaded.positions / radius, loaded.length / radius, loaded.tilt)
     seed = request.seed if request.seed is not None else SEED
-    return Ensemble(iter([scene]), 1, method_of(config, request), seed, str(path), False)
+    return Ensemble(iter([scene]), 1, _method(config, request), seed, str(path), False)
 
 
-def method_of(config: Config, request: Request) -> Method:
-    """Method of a configuration at the accuracy asked for; tolerances count only where --set gives them."""
+def _method(config: Config, request: Request) -> Method:
     named = {entry.partition("=")[0].strip() for entry in request.overrides}
-    ewald, solver = config.ewald, config.solver
-    if ewald is not None and not {"ewald", "ewald.tolerance"} & named:
-        ewald = replace(ewald, tolerance=None)
-    return Method(
-        far_field=config.far_field,
-        lubrication=config.lubrication,
-        accuracy=request.accuracy,
-        ewald=ewald,
-        near_tolerance=solver.tolerance if "solver.tolerance" in named else None,
-        far_tolerance=solver.far_tolerance if "solver.far_tolerance" in named else None,
-        max_iterations=solver.max_iterations,
-        threads=request.threads,
-    )
+    return method_of(config, named, request.accuracy, request.threads)

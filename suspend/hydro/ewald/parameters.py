@@ -12,6 +12,7 @@ import itertools
 import math
 from dataclasses import dataclass
 
+from suspend.box import volume_fraction
 from suspend.errors import ConfigurationError
 from suspend.hydro.ewald.split import Split, make_split
 from suspend.hydro.ewald.truncation import truncation_error
@@ -159,7 +160,7 @@ def _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target) -> tuple[fl
     The prolate split, quick to make, stands for the optimal one, which needs OPTIMAL_GAIN of its c.
     """
     gain, trial_kind = (OPTIMAL_GAIN, "pswf") if kind == "optimal" else (1.0, kind)
-    fraction = number * 4.0 * math.pi / 3.0 / edge**3
+    fraction = volume_fraction(number, edge)
     support = round(2.5 + 1.1 * math.log10(1.0 / tolerance))
     best, least, c = None, math.inf, 10.0 + 2.0 * math.log10(COARSEST / tolerance)
     for cutoff in cutoffs:
@@ -220,7 +221,7 @@ def choose_parameters(
     share = TRUNCATION_SHARE * min(1.0, (number / SMALL_CELL) ** 0.45)
     target = share * tolerance * factor
     best, c = _cheapest_cutoff(split, cutoffs, number, edge, tolerance, target)
-    fraction = number * 4.0 * math.pi / 3.0 / edge**3
+    fraction = volume_fraction(number, edge)
     chosen, truncation = _split_of(split, best, fraction, target, c, 0.05)
     target = GRID_SHARE * tolerance * min(1.0, factor)
     if grid is None and support is None:
