@@ -15,13 +15,15 @@ import numpy as np
 from suspend.conventions import COMPONENT_INDEX
 from suspend.errors import NumericalError
 from suspend.forces import PairForce, interaction_range, pair_forces, stress_per_sphere
-from suspend.hydro.neighbours import VerletList
+from suspend.hydro.neighbours import VerletList, contacts_within
 
 HISTORY = 3  # earlier velocities from which the near-field solve's start is extrapolated
 FAR_HISTORY = 2  # the same for the coupled solve (benchmarks/bench_coupled.py)
 # Smallest gap (radii) from which a factorisation serves several coupled solves: one of a pair that has since turned by
 # an angle t lets t^2/(4 gap) of its stiffness into soft directions.
 STIFF_GAP = 1e-3
+GAP_REACH = 3.0  # radii: centre distance up to which gaps are looked for in a sample, whatever acts
+FLOWN = 1e6  # cell edges: a trial position beyond it is no position of a suspension
 VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
 
 
@@ -31,6 +33,14 @@ class Overlap(Exception):
     def __init__(self, gap: float):
         super().__init__(f"spheres overlap by {-gap:.3g} a")
         self.gap = gap
+
+
+class Flown(Overlap):
+    """Trial positions far outside the cell: a force grew beyond all bounds in an overlap of the step before."""
+
+    def __init__(self):
+        Exception.__init__(self, f"spheres are thrown further than {FLOWN:g} cell edges")
+        self.gap = -np.inf
 
 
 @dataclass(frozen=True)
@@ -73,8 +83,8 @@ class Counters:
     rejected_overlap: int = 0
     list_builds: int = 0
     factorisations: int = 0
-    overlaps: int = 0
-    minimum_gap: float = np.inf
+    overlaps: int = 0  # overlapping pairs, summed over the samples
+    minimum_gap: float = np.inf  # inf: no two spheres came within the reach of what acts, nor of GAP_REACH
 
 
 @dataclass
@@ -147,6 +157,8 @@ class Suspension:
 
     def renew(self, position: np.ndarray, strain: float, tilt: float) -> None:
         """Build the neighbour list from these positions; the preconditioner goes with it."""
+        if not np.abs(position).max() < FLOWN * self.scene.edge:  # not a number counts as well
+            raise Flown
         self.list.build(position, strain, tilt)
         self.counters.list_builds += 1
         self.factor_point = None
@@ -174,7 +186,7 @@ class Suspension:
                 raise Overlap(gap)
             self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
             self.smallest_gap = gap
-        self.pair_stress, self.overlaps = np.zeros(6), 0
+        self.pair_stress = np.zeros(6)
         if self.force_range > 0.0:
             self._add_pair_forces(position, tilt, load)
         if self.near is not None and rate != 0.0:
@@ -189,7 +201,7 @@ class Suspension:
 
     def _add_pair_forces(self, position: np.ndarray, tilt: float, load: np.ndarray) -> None:
         chunks = self.near.chunks if self.near is not None else self.chunks
-        self.pair_stress, gap, self.overlaps = pair_forces(
+        self.pair_stress, gap = pair_forces(
             chunks, self.list.at(position, tilt), self.scene.force, self.force_range, load
         )
         self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
@@ -246,6 +258,19 @@ class Suspension:
             raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
         self.counters.iterations += solution.iterations
         return solution
+
+    def count_contacts(self, position: np.ndarray, strain: float, tilt: float) -> None:
+        """Enter overlapping pairs and the smallest gap of a sample's positions (N, 3) in the counters.
+
+        Facts of the positions, whatever acts: where no list of pairs reaches far enough, one is made for them.
+        """
+        pairs = self.list
+        if pairs is None or pairs.cutoff < GAP_REACH or not pairs.valid(position, strain):
+            pairs = VerletList(self.scene.edge, GAP_REACH, 0.0)
+            pairs.build(position, strain, tilt)
+        gap, overlaps = contacts_within(pairs.at(position, tilt), pairs.cutoff)
+        self.counters.overlaps += overlaps
+        self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
 
     def stress(self, velocity: np.ndarray, rate: float) -> dict[str, np.ndarray]:
         """Bulk stress (six components, eta0 Gamma) by part at the positions of the last evaluation."""

@@ -68,14 +68,12 @@ def force_law(force, gap):
 
 @kernel
 def _force_rows(first, last, placed, force, reach, load, stress, each):
-    """Add pair forces of spheres first:last to `load` (N, 6), virial to `stress` (6,).
-
-    Returns (smallest gap, overlaps).
+    """Add pair forces of spheres first:last to `load` (N, 6), virial to `stress` (6,); returns the smallest gap.
 
     `each` (N, 6) takes the stress per sphere, half a pair's to either; pass a (0, 6) array to leave it out.
     """
     pairs, offset, position, edge, tilt = placed
-    smallest, overlaps = np.inf, 0
+    smallest = np.inf
     for i in range(first, last):
         for p in range(offset[i], offset[i + 1]):
             j = pairs[p, 1]
@@ -85,7 +83,6 @@ def _force_rows(first, last, placed, force, reach, load, stress, each):
                 continue
             r = math.sqrt(r2)
             smallest = min(smallest, r - 2.0)
-            overlaps += r <= 2.0
             f = force_law(force, r - 2.0) / r
             load[i, 0] -= f * dx
             load[i, 1] -= f * dy
@@ -99,25 +96,22 @@ def _force_rows(first, last, placed, force, reach, load, stress, each):
                 if each.shape[0] > 0:
                     each[i, c] += 0.5 * virial[c]
                     each[j, c] += 0.5 * virial[c]
-    return smallest, overlaps
+    return smallest
 
 
 @parallel_kernel
 def _pair_forces(chunks, placed, force, reach, load):
-    """Every thread's virial stress, smallest gap and overlaps; reductions in here would depend on the threads."""
+    """Every thread's virial stress, and smallest gap; reductions in here would depend on the threads."""
     threads = chunks.shape[0] - 1
     partial = np.zeros((threads, load.shape[0], 6))
     stress = np.zeros((threads, 6))
     smallest = np.full(threads, np.inf)
-    overlaps = np.zeros(threads, np.int64)
     none = np.zeros((0, 6))
     for t in numba.prange(threads):
-        smallest[t], overlaps[t] = _force_rows(
-            chunks[t], chunks[t + 1], placed, force, reach, partial[t], stress[t], none
-        )
+        smallest[t] = _force_rows(chunks[t], chunks[t + 1], placed, force, reach, partial[t], stress[t], none)
     for t in range(threads):
         load += partial[t]
-    return stress, smallest, overlaps
+    return stress, smallest
 
 
 def pair_forces(chunks, placed, force, reach, load):
@@ -125,10 +119,10 @@ def pair_forces(chunks, placed, force, reach, load):
 
     chunks : (T + 1,) int64, spheres of each thread; placed : `PlacedPairs` that hold all pairs within `reach`.
     Returns (virial stress summed over spheres, -1/2 sum_j (x_i - x_j) F_ij, six components in F_stk a;
-    smallest gap within `reach`; number of overlapping pairs).
+    smallest gap within `reach`).
     """
-    stress, smallest, overlaps = _pair_forces(chunks, placed, force, reach, load)
-    return stress.sum(axis=0), smallest.min(), overlaps.sum()
+    stress, smallest = _pair_forces(chunks, placed, force, reach, load)
+    return stress.sum(axis=0), smallest.min()
 
 
 def stress_per_sphere(placed, force, reach) -> np.ndarray:

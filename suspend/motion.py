@@ -102,7 +102,7 @@ class Motion:
             if trial is not None:
                 break
             if self.settings.fixed is not None:
-                why = "spheres overlap at the fixed step (integrator.step)"
+                why = "spheres overlap, or are thrown out of the cell, at the fixed step (integrator.step)"
                 raise NumericalError(self._stuck(state, size, why))
             if retry < self.settings.min_step:
                 why = "every trial step overlaps or misses the tolerance"

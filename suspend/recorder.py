@@ -63,7 +63,7 @@ class Recorder:
         flow, suspension, units = self.motion.flow, self.motion.suspension, self.units
         rate, elapsed = flow.rate(state.cycle, time), flow.elapsed(state.cycle, time)
         parts = suspension.stress(velocity, rate)
-        suspension.counters.overlaps += int(suspension.overlaps)
+        suspension.count_contacts(position, flow.strain(state.cycle, time), self.motion.tilt(state, time))
         self._add(
             time=elapsed * units.time, strain=flow.strain(state.cycle, time), rate=rate * units.rate, phase=phase
         )

@@ -245,3 +245,55 @@ def test_nothing_of_the_far_field_is_imported(tmp_path):
     )
     (tmp_path / "c.yaml").write_text(scene(5, 0.2, duration__cycles=1).to_yaml())
     subprocess.run([sys.executable, "-c", code], check=True, env=os.environ)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"lubrication__minimum_gap": 0.05},
+        {"lubrication__enabled": "false"},
+        {"lubrication__enabled": "false", "contact": "{stiffness: 1.0}"},
+        {"lubrication__enabled": "false", "repulsion": "{force: 1.0e-3, debye_length: 0.5}"},
+    ],
+    ids=["frozen lubrication", "nothing acts", "contact alone", "weak repulsion"],
+)
+def test_overlaps_and_gaps_are_facts_of_the_positions(tmp_path, changes):
+    """Whatever acts, overlaps and the smallest gap are those of every pair and image of the stored positions.
+
+    Every sample is a stored frame here; the pairs are counted by brute force over 27 images.
+    """
+    samples = 20
+    phases = [k / samples for k in range(samples)]
+    changes = {"repulsion": "null", **changes}
+    config = scene(20, 0.4, duration__cycles=1, flow__amplitude=1.5, output__samples_per_cycle=samples,
+                   output__position_phases=phases, integrator__step=0.05, **changes)  # fmt: skip
+    run(config, tmp_path / "r")
+    overlaps, smallest = 0, np.inf
+    with Run(tmp_path / "r") as stored:
+        record, edge = stored.cycle(0), stored.meta["L"]
+    for position, tilt in zip(record["position"], record["tilt"], strict=True):
+        vectors = edge * np.array([[1, 0, 0], [tilt, 1, 0], [0, 0, 1]])
+        for shift in np.ndindex(3, 3, 3):
+            apart = np.linalg.norm(position[:, None] - position + (np.array(shift) - 1) @ vectors, axis=2)
+            apart = apart[apart > 0.0]
+            overlaps += int((apart < 2.0).sum())
+            smallest = min(smallest, apart.min() - 2.0)
+    assert overlaps > 0 and record["statistics"]["overlaps"] == overlaps // 2
+    assert record["statistics"]["minimum_gap"] <= smallest + 1e-12
+
+
+def test_a_force_that_throws_spheres_away_ends_the_run(tmp_path):
+    """A stiff repulsion without lubrication at a fixed step that is too long: one error, no crash of the kernels."""
+    free = {"repulsion": "{force: 1.0, debye_length: 0.01}", "lubrication__enabled": "false"}
+    with pytest.raises(NumericalError, match=r"integrator\.step"):
+        run(scene(20, 0.4, integrator__step=0.05, flow__amplitude=1.5, **free), tmp_path / "r")
+
+
+def test_smallest_gap_of_a_scene_without_any_interaction(tmp_path):
+    """Nothing acts: the gap is still that of the positions; infinite only where no two spheres come within 1 a."""
+    free = {"repulsion": "null", "lubrication__enabled": "false", "duration__cycles": 1}
+    run(scene(20, 0.4, **free), tmp_path / "dense")
+    run(scene(2, 1e-6, **free), tmp_path / "dilute")
+    with Run(tmp_path / "dense") as dense, Run(tmp_path / "dilute") as dilute:
+        assert dense.cycle(0)["statistics"]["minimum_gap"] < 0.1
+        assert dilute.cycle(0)["statistics"]["minimum_gap"] == np.inf

@@ -11,7 +11,7 @@ import numpy as np
 from suspend.box import flips_of
 from suspend.core.cell import wrap_and_count
 from suspend.core.jit import kernel, parallel_kernel, scalar
-from suspend.core.pairs import PlacedPairs
+from suspend.core.pairs import PlacedPairs, separation
 
 
 class Bins(NamedTuple):
@@ -184,3 +184,22 @@ def _largest_displacement2(position, reference, increment):
         dz = position[i, 2] - reference[i, 2]
         largest = max(largest, dx * dx + dy * dy + dz * dz)
     return largest
+
+
+@kernel
+def _contacts(placed, reach):
+    pairs, _, position, edge, tilt = placed
+    smallest, overlaps = np.inf, 0
+    for p in range(pairs.shape[0]):
+        dx, dy, dz = separation(pairs, p, position, edge, tilt)
+        r2 = dx * dx + dy * dy + dz * dz
+        if r2 < reach * reach:
+            smallest = min(smallest, math.sqrt(r2) - 2.0)
+            overlaps += r2 < 4.0
+    return smallest, overlaps
+
+
+def contacts_within(placed: PlacedPairs, reach: float) -> tuple[float, int]:
+    """Smallest gap (radii; inf without a pair) and number of overlapping pairs at centre distances below `reach`."""
+    smallest, overlaps = _contacts(placed, reach)
+    return float(smallest), int(overlaps)

@@ -146,7 +146,7 @@ def _add_pair_forces(config: Config, scene: PeriodicScene, loads: np.ndarray) ->
     position, tilt = scene.wrapped(), scene.reduced_tilt
     pairs, offset = find_pairs(position, scene.edge, tilt, reach)
     placed = PlacedPairs(pairs, offset, position, scene.edge, tilt)
-    stress, _, _ = pair_forces(split_rows(offset, 1), placed, force, reach, loads)
+    stress, _ = pair_forces(split_rows(offset, 1), placed, force, reach, loads)
     return float(stress[3])
 
 
