@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from suspend.box import edge_length
@@ -15,6 +16,9 @@ BYTES_PER_PAIR = 400
 PRODUCTS = 6.0  # with the mobility in a warm solve (benchmarks/bench_coupled.py)
 SECONDS_AROUND = 4e-7  # and sphere: near field and orthogonalisation of one iteration
 FAR_BYTES = 5_000  # a sphere, at tolerance 1e-3, beside the near field
+GRID_BYTES = 104  # at most, a grid point of an Ewald sum (`suspend.hydro.ewald.wave`)
+FAR_PAIR_BYTES = 320  # a pair of the neighbour list that reaches the Ewald cutoff
+COARSE_PRODUCTS = 12.0  # with the mobility of the inner iteration, where there is one
 BASE_MB = 200  # interpreter, libraries and compiled kernels
 
 
@@ -69,12 +73,12 @@ def make_plan(config) -> Plan:
 
 
 def _ewald(config, edge: float):
-    """Parameters of the Ewald sum, None without far field."""
+    """Parameters of the Ewald sum and of its inner iteration, None without far field."""
     if config.far_field != "ewald":
         return None
     from suspend.farfield import make_parameters
 
-    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge).accurate
+    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
 
 
 def _far_field_text(config, ewald) -> str:
@@ -82,10 +86,12 @@ def _far_field_text(config, ewald) -> str:
         return "self: own drag and stresslet only; no grid, no FFT"
     if ewald is None:
         return "identity: as the authors' code (rotational drag x 3/4, stresslet x 9/5)"
+    coarse, ewald = ewald.coarse, ewald.accurate
     grid = " x ".join(str(n) for n in ewald.grid)
+    inner = "" if coarse is None else f"; inner iteration on {' x '.join(str(n) for n in coarse.grid)}"
     return (
         f"ewald: spectral Ewald sum, tolerance {config.ewald.tolerance:g}: real space to {ewald.split.cutoff:.3g} a, "
-        f"grid {grid}, {ewald.window.kind} window of {ewald.window.support} points"
+        f"grid {grid}, {ewald.window.kind} window of {ewald.window.support} points{inner}"
     )
 
 
@@ -106,7 +112,9 @@ def _estimates(config, flow: Flow, edge: float, reach: float, ewald) -> dict:
     evaluations += flow.cycles * config.output.samples_per_cycle * 0.3
     sphere_stress = 48 * number * config.output.samples_per_cycle if config.output.particle_stress else 0
     products = evaluations * PRODUCTS if ewald is not None else 0.0
-    far_seconds = ewald.seconds + SECONDS_AROUND * number if ewald is not None else 0.0
+    far_seconds = ewald.accurate.seconds + SECONDS_AROUND * number if ewald is not None else 0.0
+    if ewald is not None and ewald.coarse is not None:
+        far_seconds += COARSE_PRODUCTS / PRODUCTS * ewald.coarse.seconds
     return {
         "number": number,
         "cell_edge": edge,
@@ -115,7 +123,15 @@ def _estimates(config, flow: Flow, edge: float, reach: float, ewald) -> dict:
         "pairs": round(pairs),
         "memory_MB": BASE_MB
         + (BYTES_PER_PAIR * 1.5 * pairs + 3000 * number + 3 * sphere_stress) / 1e6
-        + (FAR_BYTES * number / 1e6 if ewald is not None else 0.0),
+        + (_far_bytes(number, edge, ewald) / 1e6 if ewald is not None else 0.0),
         "evaluations": round(evaluations),
         "seconds": evaluations * (pairs * SECONDS_PER_PAIR + 1e-4) + products * far_seconds,
     }
+
+
+def _far_bytes(number: int, edge: float, ewald) -> float:
+    """Memory of the Ewald sums: the grids and the pairs within the cutoff, where they are more than usual."""
+    parts = [part for part in (ewald.accurate, ewald.coarse) if part is not None]
+    grids = sum(GRID_BYTES * math.prod(part.grid) for part in parts)
+    pairs = number * number * (2.0 / 3.0) * math.pi * (ewald.cutoff / edge) ** 3
+    return max(FAR_BYTES * number, grids + FAR_PAIR_BYTES * pairs)

@@ -219,3 +219,37 @@ def test_supercell_of_eight_copies(tilt):
     copies = np.concatenate([position + s for s in shifts])
     many = placed(copies, 2 * edge, tilt, tolerance).apply(np.tile(loads, (8, 1)))
     assert np.linalg.norm(many - np.tile(one, (8, 1))) < 4 * tolerance * np.linalg.norm(many)
+
+
+LARGE_CELLS = [(1, 1e3), (3, 440.0), (3, 1e3), (16, 1e3), (20, 1e4), (3, 1e4), (3, 1e6)]
+
+
+@pytest.mark.parametrize("number, edge", LARGE_CELLS)
+def test_large_cells_meet_the_tolerance_on_small_grids(number, edge):
+    """Few spheres far apart: the error stays below the tolerance, and a looser one never takes a larger grid."""
+    position = np.random.default_rng(3).random((number, 3)) * edge
+    loads = np.random.default_rng(6).standard_normal((number, 11))
+    reference = placed(position, edge, 0.3, 1e-10).apply(loads)
+    largest = np.prod(chosen(1e-10, number, edge).grid)
+    for tolerance in (1e-2, 1e-3, 1e-6):
+        assert relative(placed(position, edge, 0.3, tolerance).apply(loads), reference) <= tolerance
+        assert np.prod(chosen(tolerance, number, edge).grid) <= largest
+
+
+def test_close_spheres_in_a_large_cell_meet_the_tolerance():
+    """A cluster in a cell of 1000 a, where the loose tolerances take a sum that is better than asked for."""
+    position = loose_positions(5, 6.0, 0.0, seed=5) + 300.0
+    loads = np.random.default_rng(6).standard_normal((5, 11))
+    reference = placed(position, 1e3, 0.3, 1e-10).apply(loads)
+    for tolerance in (1e-2, 1e-3):
+        assert relative(placed(position, 1e3, 0.3, tolerance).apply(loads), reference) <= tolerance
+
+
+def test_refuses_cells_that_cannot_be_computed():
+    """A cell whose positions are not resolved, and a cutoff by hand that would need a grid beyond any memory."""
+    with pytest.raises(ConfigurationError, match="far_field: self"):
+        choose_parameters(1e-3, 3, 1e13)
+    with pytest.raises(ConfigurationError, match=r"ewald\.cutoff"):
+        choose_parameters(1e-3, 3, 1e6, cutoff=4.0)
+    with pytest.raises(ConfigurationError, match="no optimal split"):
+        choose_parameters(1e-9, 30, 10.0, cutoff=2.05)

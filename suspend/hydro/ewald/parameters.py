@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from suspend.box import volume_fraction
 from suspend.errors import ConfigurationError
@@ -38,9 +39,14 @@ SURE_CUTOFF = 5.0  # radii; enough for any tolerance
 RELATIVE_CUTOFF = 1.2  # largest r_c / L: beyond, few modes carry the error, which then depends on the tilt
 FEW = 16  # spheres up to which r_c is as large as can be: few pairs at a shorter one carry the error
 SMALL_CELL = 8  # spheres below which the truncation error scatters so much about its prediction that less is aimed at
+QUICK = 1e-3  # s: a product that takes less is not worth looking for a cheaper one
 SMALLEST_PRODUCT = 2.0  # least kmax r_c for which the error's prediction holds
 OPTIMAL_GAIN = 0.85  # c of the optimal split over that of the prolate one at equal error
 LOWEST_REACH = 1.1  # least kmax L/2pi: without any mode in the wave part the prediction means nothing
+
+LARGEST_REACH = 1000.0  # kmax L/2pi beyond which a grid would take more memory than any machine has
+MUCH_CHEAPER = 0.1  # a sum better than asked for is taken where it costs less than this share of the exact one
+LARGEST_EDGE = 1e9  # radii; beyond, positions in double precision hold gaps to worse than 1e-7 radii
 
 # Seconds on one core of an AMD EPYC (Zen 5), from `python benchmarks/bench_mobility.py --calibrate`
 PER_PAIR, PER_SPHERE = 1.9e-8, 7e-8  # real part: product and a tenth of the assembly
@@ -94,11 +100,12 @@ def _norm_factor(number: int, edge: float) -> float:
 
 
 def _split_of(
-    kind: str, cutoff: float, fraction: float, target: float, start: float, accuracy: float
+    kind: str, cutoff: float, fraction: float, target: float, start: float, accuracy: float,
+    least: float = SMALLEST_PRODUCT,
 ) -> tuple[Split, float]:
     """The split whose truncation error is `target` to the relative `accuracy`, and that error.
 
-    Secant method in c = kmax r_c; the error is less than `target` where c = SMALLEST_PRODUCT does already.
+    Secant method in c = kmax r_c; the error is less than `target` where c = `least` does already.
     """
 
     def trial(c: float) -> tuple[Split, float]:
@@ -109,12 +116,12 @@ def _split_of(
         split = make_split(kind, cutoff, kmax, shape)
         return split, math.log(truncation_error(split, fraction) / target)
 
-    c, slope = start, -1.1
+    c, slope = max(start, least), -1.1
     split, excess = trial(c)
     for _ in range(20):
-        if abs(excess) < accuracy or (excess < 0.0 and c == SMALLEST_PRODUCT):
+        if abs(excess) < accuracy or (excess < 0.0 and c == least):
             break
-        following = max(SMALLEST_PRODUCT, c + min(8.0, max(-8.0, -excess / slope)))
+        following = max(least, c + min(8.0, max(-8.0, -excess / slope)))
         split, new_excess = trial(following)
         slope = min(-0.3, max(-3.0, (new_excess - excess) / (following - c)))
         c, excess = following, new_excess
@@ -154,32 +161,77 @@ def _cutoffs(number: int, edge: float) -> list[float]:
     return [usual, *(r for r in cutoffs[::-1] if r < usual), *(r for r in cutoffs if r > usual)]
 
 
-def _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target) -> tuple[float, float]:
-    """(r_c, about the c = kmax r_c it needs) with the least predicted time; for few spheres the first that will do.
+class _Candidate(NamedTuple):
+    """A cutoff r_c, about the c = kmax r_c it needs, the least c allowed there, predicted seconds a product."""
 
-    The prolate split, quick to make, stands for the optimal one, which needs OPTIMAL_GAIN of its c.
+    cutoff: float
+    product: float
+    least: float
+    seconds: float
+
+
+def _choose_cutoff(kind, cutoffs, number, edge, tolerance, target) -> _Candidate:
+    """The cheapest cutoff whose error is the one asked for, unless a more accurate sum is far cheaper.
+
+    In a large cell the spheres hardly feel each other: any sum with a long r_c is then more accurate than asked
+    for, and the error asked for would take the shortest r_c and a grid that resolves single spheres.
+    """
+    exact = _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target, False)
+    if exact is not None and exact.seconds < QUICK:
+        return exact
+    better = _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target, True)
+    found = [candidate for candidate in (exact, better) if candidate is not None]
+    if not found:
+        return _last_cutoff(kind, cutoffs[-1], number, edge, target)
+    if exact is not None and better is not None and better.seconds > MUCH_CHEAPER * exact.seconds:
+        return exact
+    return found[-1]
+
+
+def _last_cutoff(kind, cutoff: float, number: int, edge: float, target: float) -> _Candidate:
+    """A cutoff that is no good choice but was given by hand; ConfigurationError where it cannot be used at all."""
+    split, _ = _split_of(kind, cutoff, volume_fraction(number, edge), target, 10.0, 0.3)
+    if split.kmax * edge > 2.0 * math.pi * LARGEST_REACH:
+        raise ConfigurationError(
+            f"far_field: a real-space cutoff of {cutoff:.3g} radii in a cell of edge {edge:.3g} radii needs a grid of "
+            f"{split.kmax * edge / math.pi:.3g} points along an edge, more than fits into memory; leave out "
+            "ewald.cutoff, or raise it"
+        )
+    return _Candidate(cutoff, split.kmax * cutoff, SMALLEST_PRODUCT, math.inf)
+
+
+def _cheapest_cutoff(kind, cutoffs, number, edge, tolerance, target, better: bool) -> _Candidate | None:
+    """The cutoff with the least predicted time; for few spheres the first that will do; None if none will.
+
+    The prolate split, quick to make, stands for the optimal one, which needs OPTIMAL_GAIN of its c. better : c is
+    kept so large that the wave part has modes, and an error below `target` is welcome.
     """
     gain, trial_kind = (OPTIMAL_GAIN, "pswf") if kind == "optimal" else (1.0, kind)
     fraction = volume_fraction(number, edge)
     support = round(2.5 + 1.1 * math.log10(1.0 / tolerance))
-    best, least, c = None, math.inf, 10.0 + 2.0 * math.log10(COARSEST / tolerance)
+    best, c = None, 10.0 + 2.0 * math.log10(COARSEST / tolerance)
     for cutoff in cutoffs:
+        least = SMALLEST_PRODUCT
+        if better:
+            least = max(least, 1.001 * LOWEST_REACH * 2.0 * math.pi * cutoff / (gain * edge))
+        if least * edge / cutoff > 2.0 * math.pi * LARGEST_REACH:
+            continue
         try:
-            split, error = _split_of(trial_kind, cutoff, fraction, target, c, 0.3)
+            split, error = _split_of(trial_kind, cutoff, fraction, target, c, 0.3, least)
         except ConfigurationError:  # the weight would not be positive: too short a cutoff for this kind
             continue
         c, reach = split.kmax * cutoff, gain * split.kmax * edge / (2.0 * math.pi)
-        if reach < LOWEST_REACH or error < 0.5 * target:
+        if not LOWEST_REACH <= reach <= LARGEST_REACH or error > 1.4 * target or (error < 0.5 * target and not better):
             continue
         largest = (int(reach), int(TILT_STRETCH * reach), int(reach))
         size = smooth_sizes(max(support, math.ceil(2.5 * reach)), 10 + support + math.ceil(4.0 * reach), True)[0]
         seconds = real_cost(number, edge, cutoff)
         seconds += wave_cost(number, grid_of(size, largest, support), largest, support)
-        if seconds < least:
-            best, least = (cutoff, gain * c), seconds
-        if seconds > 1.5 * least or number <= FEW:
+        if best is None or seconds < best.seconds:
+            best = _Candidate(cutoff, gain * c, max(SMALLEST_PRODUCT, gain * least), seconds)
+        if seconds > 1.5 * best.seconds or number <= FEW:
             break
-    return best or (cutoffs[-1], gain * c)
+    return best
 
 
 def _check(tolerance: float, number: int, edge: float) -> None:
@@ -193,6 +245,11 @@ def _check(tolerance: float, number: int, edge: float) -> None:
     if not (math.isfinite(edge) and edge >= 2.0):
         raise ConfigurationError(
             f"far_field: the cell's edge is {edge:g} radii, must be >= 2: a sphere would overlap its own image"
+        )
+    if edge > LARGEST_EDGE:
+        raise ConfigurationError(
+            f"far_field: the cell's edge is {edge:g} radii, must be <= {LARGEST_EDGE:g}: beyond, double precision does "
+            "not resolve gaps between spheres; such a cell is an unbounded fluid, take far_field: self"
         )
 
 
@@ -220,9 +277,9 @@ def choose_parameters(
     cutoffs = _cutoffs(number, edge) if cutoff is None else [cutoff]
     share = TRUNCATION_SHARE * min(1.0, (number / SMALL_CELL) ** 0.45)
     target = share * tolerance * factor
-    best, c = _cheapest_cutoff(split, cutoffs, number, edge, tolerance, target)
+    best = _choose_cutoff(split, cutoffs, number, edge, tolerance, target)
     fraction = volume_fraction(number, edge)
-    chosen, truncation = _split_of(split, best, fraction, target, c, 0.05)
+    chosen, truncation = _split_of(split, best.cutoff, fraction, target, best.product, 0.05, best.least)
     target = GRID_SHARE * tolerance * min(1.0, factor)
     if grid is None and support is None:
         points, shape = choose_window(chosen, edge, target, number, window)
