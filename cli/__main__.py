@@ -1,5 +1,5 @@
 """`python -m suspend_cli`: the same as the command `suspend`, which some shells hide behind a builtin."""
 
-from suspend_cli.main import main
+from suspend_cli.start import main
 
 main()

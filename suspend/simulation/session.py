@@ -65,6 +65,7 @@ class Session:
             self._report()
             while simulation.events:
                 simulation.step()
+                self.stop.keep()
                 self._report()
                 if simulation.events:
                     self._interrupt()

@@ -6,27 +6,56 @@ import signal
 import threading
 import time
 
+from suspend.errors import Interrupted
+
+# From the keyboard, from a scheduler (its last word, its warning), from a terminal that is gone.
+SIGNALS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGHUP") if hasattr(signal, name)
+]
+
+
+class _Leave(BaseException):
+    """Raised out of start-up, packing or compilation; no handler of Exception on the way may take it."""
+
 
 class Stop:
-    """Set by SIGINT, SIGTERM or the time limit; the run looks at it after every step."""
+    """Set by a signal or the time limit; the run looks at it after every step.
+
+    Until `keep` is called there is nothing a checkpoint would save, and a signal ends the block at once with
+    Interrupted. A signal that is ignored on entry, as SIGHUP is under nohup, stays ignored.
+    """
 
     def __init__(self, max_time: float | None):
         self.reason: str | None = None
         self.deadline = time.monotonic() + max_time if max_time is not None else None
         self._before: dict = {}
+        self._at_once = True
 
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
-                self._before[number] = signal.signal(number, self._receive)
+            for number in SIGNALS:
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    self._before[number] = signal.signal(number, self._receive)
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, kind, *_) -> None:
+        self._at_once = False
         for number, handler in self._before.items():
-            signal.signal(number, handler)
+            # None: a handler that was not set from Python cannot be set from it again.
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+        if kind is not None and issubclass(kind, _Leave):
+            raise Interrupted(
+                f"stopped ({self.reason}) before the first step, nothing is lost; the same command goes on"
+            ) from None
+
+    def keep(self) -> None:
+        """From now on there is something to save: signals wait for `check`."""
+        self._at_once = False
 
     def _receive(self, number, _frame) -> None:
         self.reason = signal.Signals(number).name
+        if self._at_once:
+            raise _Leave
 
     def check(self) -> str | None:
         """Why to stop, None to go on."""

@@ -1,0 +1,42 @@
+"""Where the command starts: signals first, then the imports.
+
+Importing takes a second, in which an exception raised by a signal ends in a traceback, or is swallowed. There is
+nothing to lose then, so the process just leaves.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+
+NAMES = ("SIGINT", "SIGTERM", "SIGUSR1", "SIGHUP")  # those of `suspend.simulation.stop`
+CODE = 130  # of `suspend.errors.Interrupted`, not imported yet
+
+
+def main() -> None:
+    """Entry point of the command `suspend`."""
+    receive_signals()
+    from suspend_cli.main import main as run_commands
+
+    run_commands()
+
+
+def receive_signals() -> None:
+    """Leave with exit code 130 on a signal; one that is ignored, as SIGHUP under nohup, stays ignored."""
+    for name in NAMES:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, _leave)
+
+
+def _leave(_number, frame) -> None:
+    """Through the ordinary way out where it works, at once before it is there or while something is imported."""
+    files = set()
+    while frame is not None:
+        files.add(frame.f_code.co_filename)
+        frame = frame.f_back
+    guarded = os.path.join(os.path.dirname(__file__), "errors.py") in files
+    if guarded and "<frozen importlib._bootstrap>" not in files:
+        raise KeyboardInterrupt
+    os.write(2, b"\nError: interrupted\n")
+    os._exit(CODE)
