@@ -235,7 +235,7 @@ def _xyz_frames(lines: Iterator[str], path: Path) -> Iterator[tuple[str, list[st
     for head in lines:
         if not head.strip():
             continue
-        if not head.strip().isdigit():
+        if not _whole(head.strip()):
             raise unreadable(
                 path, f"frame {number} must begin with the number of spheres, found '{head.strip()[:40]}'"
             )
@@ -255,15 +255,24 @@ def _xyz_frames(lines: Iterator[str], path: Path) -> Iterator[tuple[str, list[st
 def _xyz_columns(properties: str, path: Path) -> tuple[dict[str, int], int]:
     """First column of each property, and the number of columns."""
     fields = properties.split(":")
-    if len(fields) % 3 or not all(width.isdigit() for width in fields[2::3]):
-        raise unreadable(path, f"Properties={properties} is not name:type:columns:...")
-    columns, width = {}, 0
-    for name, size in zip(fields[0::3], fields[2::3], strict=True):
-        columns[name.lower()] = width
+    if len(fields) % 3 or not all(_whole(width) and int(width) > 0 for width in fields[2::3]):
+        raise unreadable(path, f"Properties={properties} is not name:type:columns:..., with one column or more each")
+    columns, kinds, width = {}, {}, 0
+    for name, kind, size in zip(fields[0::3], fields[1::3], fields[2::3], strict=True):
+        if name.lower() in columns:
+            raise unusable(path, f"Properties={properties} names {name} twice")
+        columns[name.lower()], kinds[name.lower()] = width, f"{kind}:{int(size)}".lower()
         width += int(size)
-    if "pos:r:3" not in properties.lower():
+    if kinds.get("pos") != "r:3":
         raise unusable(path, f"Properties={properties} has no pos:R:3")
+    if kinds.get("radius", "r:1") not in ("r:1", "i:1"):
+        raise unusable(path, f"Properties={properties}: radius must be one number a sphere, radius:R:1")
     return columns, width
+
+
+def _whole(text: str) -> bool:
+    """Whether a text is a whole number >= 0 in plain digits, of a size that a file can hold."""
+    return text.isascii() and text.isdigit() and len(text) < 16
 
 
 def _xyz_numbers(words: list[str], size: int, name: str, path: Path) -> np.ndarray:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 CELL_TOLERANCE = 1e-5  # relative, of the cell's shape: GSD holds float32, text files few digits
 FRACTION_TOLERANCE = 1e-4  # relative, between the volume fractions of file and configuration
+FARTHEST = 1e6  # cells: beyond, the place within the cell is lost in rounding (worse than 1e-10 L)
 COINCIDENT = 1e-6  # radii: centres closer than this have no line of centres
 
 
@@ -60,6 +61,7 @@ def load_configuration(path: str | Path, frame: int = -1) -> InitialConfiguratio
     raw = read_run(path, frame) if path.is_dir() else READERS[suffix](path, frame)
     _check_positions(raw.positions, path)
     length, tilt = _cubic_cell(raw.vectors, path)
+    _check_far_away(raw, length, path)
     positions = wrap(raw.positions - raw.origin, length, tilt)
     return InitialConfiguration(positions, length, tilt, _common_radius(raw, path), str(path))
 
@@ -109,6 +111,24 @@ def _check_positions(positions: np.ndarray, source: Path) -> None:
         )
 
 
+def _check_far_away(raw: RawFrame, length: float, source: Path) -> None:
+    """Refuse what lies so many cells away that rounding has moved it within the cell."""
+    cells = np.abs(raw.positions - raw.origin).max(axis=1) / length
+    if not cells.max() <= FARTHEST:
+        worst = int(np.argmax(np.where(np.isfinite(cells), cells, np.inf)))
+        raise unusable(
+            source,
+            f"sphere {worst} (counted from 0) lies {cells[worst]:.3g} cells away, must be at most {FARTHEST:g}: "
+            "rounding has moved it within the cell; write wrapped positions",
+        )
+    if not abs(raw.vectors[1, 0]) <= FARTHEST * length:
+        raise unusable(
+            source,
+            f"the tilt is {raw.vectors[1, 0] / length:.3g}, must be at most {FARTHEST:g}: rounding has spoilt its "
+            "fraction; write it reduced to -1/2 to 1/2",
+        )
+
+
 def _cubic_cell(vectors: np.ndarray, source: Path) -> tuple[float, float]:
     """Edge and tilt in [-1/2, 1/2) of the cell with these vectors (rows); an error if it is another cell."""
     vectors = np.asarray(vectors, dtype=float)
@@ -132,6 +152,8 @@ def _common_radius(raw: RawFrame, source: Path) -> float | None:
     if raw.radii is None:
         return None
     radii = np.atleast_1d(np.asarray(raw.radii, dtype=float))
+    if radii.shape not in ((1,), (len(raw.positions),)):
+        raise unusable(source, f"radius has shape {radii.shape}, must be one number or one a sphere")
     low, high = float(radii.min()), float(radii.max())
     if not (np.isfinite(radii).all() and low > 0.0):
         raise unusable(source, f"radii must be positive, found {low:g} to {high:g}")

@@ -220,6 +220,10 @@ def arrays(**changes):
         ({"tilt": 0.1, "shift": 0.1}, "both tilt and shift"),
         ({"radius": np.array([1.0] * 11 + [1.2])}, "only equal spheres"),
         ({"radius": 0.0}, "must be positive"),
+        ({"radius": np.array([])}, r"radius has shape \(0,\)"),
+        ({"radius": np.ones(5)}, r"radius has shape \(5,\)"),
+        ({"tilt": 1e18}, "the tilt is 1e"),
+        ({"positions": np.full((12, 3), 1e13)}, "cells away"),
     ],
 )
 def test_unusable_npz_says_why(tmp_path, changes, words):
@@ -341,3 +345,27 @@ def test_sphere_that_overlaps_its_own_image_is_refused(tmp_path):
     write_npz(tmp_path / "a.npz", np.zeros((1, 3)), length, 0.0)
     with pytest.raises(ConfigurationError, match="its own periodic image"):
         prepare_initial(configuration("a.npz", number=1, volume_fraction=0.55), tmp_path)
+
+
+@pytest.mark.parametrize(
+    "properties",
+    ["species:S:1:xpos:R:3", "species:S:1:pos:R:3:radius:R:0", "species:S:1:pos:R:3:radius:S:1", "species:S:1:pos:R:³",
+     "species:S:1:pos:R:3:radius:R:²", "species:S:1:pos:R:3:pos:R:3", "species:S:1:pos:S:3", "species:S:1:pos:R:03x"],
+)  # fmt: skip
+def test_columns_that_are_no_positions_and_radii_are_refused(tmp_path, properties):
+    """Names that only contain pos, no or odd numbers of columns, names given twice: an error that shows the line."""
+    x, length = scene()
+    path = tmp_path / "a.xyz"
+    write_xyz(path, x, length, TILT)
+    count, comment, *rows = path.read_text().splitlines()
+    comment = " ".join(part for part in comment.split(" ") if not part.startswith("Properties"))
+    path.write_text("\n".join([count, f"{comment} Properties={properties}", *(row + " 1 1 1" for row in rows)]))
+    with pytest.raises((ConfigurationError, StorageError), match="Properties="):
+        load_configuration(path)
+
+
+def test_number_of_spheres_is_in_plain_digits(tmp_path):
+    """A superscript digit counts as a digit for Python, but not as a number."""
+    (tmp_path / "a.xyz").write_text("²\ncomment\nA 1 2 3\nA 3 4 5\n")
+    with pytest.raises(StorageError, match="must begin with the number of spheres"):
+        load_configuration(tmp_path / "a.xyz")

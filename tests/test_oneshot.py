@@ -319,3 +319,38 @@ def test_conjugate_gradients_on_a_matrix():
     with pytest.raises(NumericalError, match="did not converge"):
         solve_definite(product, right, np.ones(11), 1e-18, 1000)
     assert solve_definite(product, 0.0 * right, np.ones(11), 1e-12, 100).products == 0
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-200, 1e200, 1e300])
+@pytest.mark.parametrize("method", [Method(), Method(lubrication=OFF), Method(far_field="self")])
+def test_answers_scale_with_what_is_given(size, method):
+    """The problems are linear: loads, velocities and flows of any size give answers of that size, to rounding."""
+    scene = PeriodicScene(np.array([[1.0, 1.0, 1.0], [3.5, 1.2, 1.0], [1.0, 4.0, 2.0]]), 9.0)
+    given = np.random.default_rng(2).standard_normal((3, 3))
+    for problem in (mobility_problem, resistance_problem):
+        one = problem(scene, given, strain_rate=0.5, method=method)
+        other = problem(scene, given * size, strain_rate=0.5 * size, method=method)
+        first, second = (dataclasses.astuple(answer)[0] for answer in (one, other))
+        close(second / size, first, 1e-9)
+        assert other.eta_r == pytest.approx(one.eta_r, rel=1e-9)
+
+
+def test_answers_beyond_double_precision_are_refused():
+    """No infinity in silence."""
+    scene = PeriodicScene(np.array([[1.0, 1.0, 1.0], [3.01, 1.0, 1.0]]), 9.0)
+    with pytest.raises(ConfigurationError, match="scale what is given down"):
+        resistance_problem(scene, np.array([[1.0, 0, 0], [-1.0, 0, 0]]) * 1e308)
+
+
+@pytest.mark.parametrize(
+    ("positions", "edge", "tilt", "words"),
+    [
+        (np.zeros((1, 3)), 1e300, 0.0, "edge"),
+        (np.zeros((1, 3)), 10.0, 1e18, "tilt"),
+        (np.array([[0.0, 0.0, 0.0], [0.0, 3e13, 0.0]]), 30.0, 0.0, "sphere 1"),
+    ],
+)
+def test_lengths_beyond_double_precision_are_refused(positions, edge, tilt, words):
+    """Where rounding has lost the gaps the answer would be wrong in silence: an error names what is too large."""
+    with pytest.raises(ConfigurationError, match=words):
+        PeriodicScene(positions, edge, tilt)

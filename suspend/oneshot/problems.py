@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from suspend.errors import ConfigurationError
 from suspend.hydro.two_sphere_matrices import five_of, tensor_of
 from suspend.oneshot.hydrodynamics import Hydrodynamics
 from suspend.oneshot.iterations import solve_definite
@@ -87,7 +88,7 @@ def mobility_problem(
     """
     started = time.perf_counter()
     load = np.hstack([_vectors("forces", forces, scene), _vectors("torques", torques, scene)])
-    flow = strain_rate_tensor(strain_rate)
+    load, flow, scale = _scaled(load, strain_rate_tensor(strain_rate))
     hydro = Hydrodynamics(scene, method)
     load = load + hydro.strain_loads(flow)
     solve = _move_coupled if hydro.mobility is not None else _move_alone
@@ -95,6 +96,7 @@ def mobility_problem(
     stresslet = -far + hydro.near_stresslets(velocity, flow)
     cost = Cost(method.accuracy, residual, iterations, products, time.perf_counter() - started)
     eta_r = relative_viscosity(scene, stresslet, flow)
+    velocity, stresslet = _unscaled(scale, velocity, stresslet)
     return Motions(velocity[:, :3].copy(), velocity[:, 3:].copy(), stresslet, eta_r, cost)
 
 
@@ -111,7 +113,7 @@ def resistance_problem(
     velocity = np.hstack(
         [_vectors("velocities", velocities, scene), _vectors("angular_velocities", angular_velocities, scene)]
     )
-    flow = strain_rate_tensor(strain_rate)
+    velocity, flow, scale = _scaled(velocity, strain_rate_tensor(strain_rate))
     hydro = Hydrodynamics(scene, method)
     if hydro.mobility is None:
         load = velocity * np.repeat(hydro.drags, 3)
@@ -127,6 +129,7 @@ def resistance_problem(
     stresslet = -far + hydro.near_stresslets(velocity, flow)
     cost = Cost(method.accuracy, residual, iterations, products, time.perf_counter() - started)
     eta_r = relative_viscosity(scene, stresslet, flow)
+    load, stresslet = _unscaled(scale, load, stresslet)
     return Loads(load[:, :3].copy(), load[:, 3:].copy(), stresslet, eta_r, cost)
 
 
@@ -137,6 +140,26 @@ def relative_viscosity(scene: PeriodicScene, stresslet: np.ndarray, strain_rate:
         return None
     mean = stresslet.mean(axis=0)
     return float(1.0 + 6.0 * np.pi * scene.density * np.sum(mean * strain_rate) / (2.0 * size))
+
+
+def _scaled(given: np.ndarray, flow: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """`given` and `flow` over 2**scale, of the order of 1, and scale.
+
+    The problems are linear; squares of loads of 1e-200 would vanish in the norms of the solves. A power of two
+    changes no digit.
+    """
+    size = max(np.abs(given).max(), np.abs(flow).max())
+    scale = int(np.frexp(size)[1]) if size > 0.0 else 0
+    return np.ldexp(given, -scale), np.ldexp(flow, -scale), scale
+
+
+def _unscaled(scale: int, *answers: np.ndarray) -> list[np.ndarray]:
+    """The answers times 2**scale; ConfigurationError where they are beyond double precision."""
+    with np.errstate(over="ignore"):
+        result = [np.ldexp(answer, scale) for answer in answers]
+    if not all(np.isfinite(answer).all() for answer in result):
+        raise ConfigurationError("the answer is larger than double precision holds (1.8e308): scale what is given down")
+    return result
 
 
 def _vectors(name: str, value, scene: PeriodicScene) -> np.ndarray:

@@ -12,6 +12,8 @@ from suspend.config.schema import COARSEST, FINEST, Ewald, Lubrication
 from suspend.errors import ConfigurationError
 from suspend.structure import smallest_distance
 
+FARTHEST = 1e9  # radii
+LOST = "beyond, double precision does not hold the gaps between spheres (to 1e-7 radii); wrap the positions"
 COINCIDENT = 1e-6  # radii: centres closer than this have no line of centres
 FAR_FIELDS = ("ewald", "self", "identity")
 SHARE = 0.1  # of the accuracy asked for: each solve and the Ewald sum are done to it
@@ -21,8 +23,9 @@ SHARE = 0.1  # of the accuracy asked for: each solve and the Ewald sum are done 
 class PeriodicScene:
     """Equal spheres of radius 1 in the cell with vectors (edge,0,0), (tilt edge, edge, 0), (0,0,edge).
 
-    positions : (N, 3), anywhere (they are wrapped for computing); edge : L in radii; tilt : any finite number, the
-    shift of the upper image divided by L. Raises ConfigurationError for what is no such scene.
+    positions : (N, 3), anywhere (they are wrapped for computing); edge : L in radii; tilt : any number, the
+    shift of the upper image divided by L; all lengths up to FARTHEST. Raises ConfigurationError for what is no such
+    scene.
     """
 
     positions: np.ndarray
@@ -36,6 +39,7 @@ class PeriodicScene:
         edge, tilt = number_of("edge (L)", self.edge), number_of("tilt", self.tilt)
         if edge <= 0.0:
             raise ConfigurationError(f"edge (L): found {edge:g}; must be > 0")
+        _check_resolved(positions, edge, tilt)
         positions.setflags(write=False)
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "edge", edge)
@@ -137,6 +141,19 @@ class Method:
                 f"{pair} touch or overlap, gap {gap:.3g} radii; lubrication has no meaning there: separate them,"
                 " freeze lubrication below a gap with lubrication.minimum_gap, or leave lubrication out"
             )
+
+
+def _check_resolved(positions: np.ndarray, edge: float, tilt: float) -> None:
+    """Refuse lengths so large that double precision has lost the gaps between the spheres."""
+    for name, value in (("edge (L)", edge), ("tilt times the edge", tilt * edge)):
+        if abs(value) > FARTHEST:
+            raise ConfigurationError(f"{name}: found {value:g}; must be at most {FARTHEST:g} radii: {LOST}")
+    far = np.flatnonzero(np.abs(positions).max(axis=1) > FARTHEST)
+    if len(far):
+        raise ConfigurationError(
+            f"positions: sphere {far[0]} (counted from 0) is at {positions[far[0]]}; coordinates must be at most "
+            f"{FARTHEST:g} radii: {LOST}"
+        )
 
 
 def number_of(name: str, value) -> float:
