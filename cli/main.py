@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
+import suspend
 from suspend_cli.errors import guarded
 from suspend_cli.export import export
 from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
@@ -12,8 +14,6 @@ from suspend_cli.plot import plot
 from suspend_cli.properties import properties
 from suspend_cli.report_page import report
 from suspend_cli.solve import solve
-
-import suspend
 
 EPILOG = """
 \b
@@ -254,9 +254,8 @@ def info(path, as_json) -> None:
 
     RUN is the folder of a run.
     """
-    from suspend_cli.report import description, information, to_json
-
     from suspend.io import describe
+    from suspend_cli.report import description, information, to_json
 
     content = information(describe(path))
     click.echo(to_json(content) if as_json else "\n".join(description(content)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
+
 from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
@@ -92,10 +93,9 @@ def properties(scene, output, as_json, quiet, **how) -> None:
 
 
 def _compute(scene, quiet, *, probes, no_lubrication, threads, **chosen):
-    from suspend_cli.options import cores
-
     from suspend.short_time import short_time_properties
     from suspend.short_time.sources import Request, read_ensemble
+    from suspend_cli.options import cores
 
     chosen["overrides"] = tuple(chosen["overrides"])
     ensemble = read_ensemble(Request(scene, lubrication=not no_lubrication, threads=threads or cores(), **chosen))
@@ -109,9 +109,8 @@ def _compute(scene, quiet, *, probes, no_lubrication, threads, **chosen):
 
 
 def _write(result, path: Path) -> None:
-    from suspend_cli.report import to_json, write_text
-
     from suspend.short_time.report import to_csv
+    from suspend_cli.report import to_json, write_text
 
     text = to_csv(result) if path.suffix.lower() == ".csv" else to_json(result.as_dict()) + "\n"
     write_text(path, text, force=True)

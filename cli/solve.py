@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import click
+
 from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
@@ -51,10 +52,9 @@ def solve(scene, output, as_json, quiet, **how) -> None:
 
 
 def _solve(scene, output, quiet, *, far_field, no_lubrication, accuracy, overrides, threads):
-    from suspend_cli.options import cores
-
     from suspend.oneshot.answer_files import Answer, check_target
     from suspend.oneshot.problem_files import Choices, read_problem
+    from suspend_cli.options import cores
 
     if output is not None:
         check_target(output)  # before the work

@@ -12,12 +12,12 @@ from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
-from suspend_cli.main import main
-from suspend_cli.options import FIGURES, DurationType
-from suspend_cli.progress import Progress, clock_time, render
 from synthetic_runs import configuration, oscillatory_record, write_run
 
 from suspend.errors import ConfigurationError, Interrupted, NumericalError, StorageError
+from suspend_cli.main import main
+from suspend_cli.options import FIGURES, DurationType
+from suspend_cli.progress import Progress, clock_time, render
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 DEMO = str(CONFIGS / "demo.yaml")

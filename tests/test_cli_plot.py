@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from figure_runs import make_run
-from suspend_cli.main import main
 
 from suspend.figures.registry import FIGURES
+from suspend_cli.main import main
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from suspend_cli.main import main
 
 QUICK = ("--phi", "0.2", "--number", "20", "--configurations", "2", "--far-field", "self", "--probes", "2")

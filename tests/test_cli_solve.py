@@ -9,13 +9,13 @@ import h5py
 import naive
 import numpy as np
 import pytest
-from suspend_cli.main import main
 
 from suspend.config import load
 from suspend.flow import make_flow
 from suspend.initial import prepare_initial
 from suspend.oneshot import Method, PeriodicScene, mobility_problem
 from suspend.scene import make_suspension
+from suspend_cli.main import main
 
 DATA = Path(__file__).parent / "data"
 EDGE, SHIFT = 7.0, 1.4

@@ -9,7 +9,6 @@ import shutil
 
 import numpy as np
 import pytest
-from suspend_cli.main import main
 from synthetic_runs import oscillatory_record, steady_record, stress, write_run
 
 from suspend.analysis.activity import ActiveFraction
@@ -23,6 +22,7 @@ from suspend.analysis.signatures import Signatures
 from suspend.config import from_dict
 from suspend.errors import ConfigurationError, StorageError
 from suspend.io import Run
+from suspend_cli.main import main
 
 AMPLITUDES = (0.4, 0.8, 1.0, 1.6)
 UNIT = 2.0  # viscosity times omega

@@ -25,13 +25,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from suspend.core.ewald_functions import real_functions
-from suspend.core.jit import kernel
+from suspend.core.jit import inlined, kernel
 from suspend.core.pairs import separation
 
-inlined = njit(error_model="numpy", inline="always")  # a call in the loop over lanes would keep it scalar
 LANES = 8
 BLOCK = 10 * LANES  # e, f1, f', q1, q2, t0, t1, s0 of every lane
 LOAD = 12  # components of a sphere in the kernels: F, T, Sxx, Syy, Szz, Sxy, Sxz, Syz
