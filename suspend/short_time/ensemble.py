@@ -34,7 +34,7 @@ class Property:
     inner_error: float
     corrected: float | None
     literature: float | None
-    source: str  # of the literature
+    source: str  # of the literature; empty where there is none
     samples: tuple[float, ...]  # mean of each configuration
 
     @property
@@ -194,5 +194,5 @@ def _property(name: str, samples: np.ndarray, phi: float, shift: float | None) -
     fit = literature.fit(name, phi)
     corrected = None if shift is None else value + shift
     expected = None if fit is None else fit.value
-    source = literature.FITS[name][1]
+    source = "" if fit is None else fit.source
     return Property(name, value, error, inner, corrected, expected, source, tuple(means.tolist()))

@@ -1,9 +1,10 @@
 """Hard spheres in the literature: short-time properties, structure factor at zero, finite-size correction.
 
-All functions are fits of equilibrium fluids of equal, neutrally interacting hard spheres with stick boundaries,
-used here for comparison only and meant for 0 <= phi <= 0.5. Their linear coefficients are the exact two-sphere
-values 2.5, -1.8315, -0.6305 and -6.546 (Batchelor 1972, 1976; Cichocki, Ekiel-Jezewska, Naegele & Wajnryb,
-arXiv:1101.4396); the higher ones are quoted from memory of the papers named below, not checked against them.
+The three fits are of equilibrium fluids of equal, neutrally interacting hard spheres with stick boundaries, used
+here for comparison only and meant for 0 <= phi <= 0.5. They were published by Riest et al., Soft Matter (2015), for
+simulations of Abade et al., J. Chem. Phys. (2012), and are read, coefficient by coefficient, from the code that
+Park & Naegele published with their paper (J. Chem. Phys. 2020, doi:10.1063/5.0020986), for spheres that the solvent
+does not enter. Rotational diffusion has no line: no published source of a fit for it was at hand.
 """
 
 from __future__ import annotations
@@ -35,28 +36,25 @@ def translation(phi: float) -> float:
     return 1.0 - 1.8315 * phi * (1.0 + phi * (0.12 - 0.70 * phi))
 
 
-def rotation(phi: float) -> float:
-    """Short-time rotational self-diffusion D_r/D0 = 1 - 0.631 phi - 0.726 phi^2."""
-    return 1.0 - phi * (0.631 + 0.726 * phi)
-
-
 def sedimentation(phi: float) -> float:
-    """Sedimentation U/U0 = 1 - 6.546 phi (1 - 3.348 phi + 7.426 phi^2 - 10.034 phi^3 + 5.882 phi^4)."""
-    return 1.0 - 6.546 * phi * (1.0 - phi * (3.348 - phi * (7.426 - phi * (10.034 - 5.882 * phi))))
+    """Sedimentation U/U0 = 1 - 6.5464 phi (1 - 3.348 phi + 7.426 phi^2 - 10.034 phi^3 + 5.882 phi^4)."""
+    return 1.0 - 6.5464 * phi * (1.0 - phi * (3.348 - phi * (7.426 - phi * (10.034 - 5.882 * phi))))
 
 
+_PUBLISHED = "Riest et al., Soft Matter (2015), code of Park & Naegele, doi:10.1063/5.0020986"
 FITS = {
-    "eta_inf": (viscosity, "fit after Abade et al., J. Chem. Phys. 132, 014503 (2010), from memory"),
-    "D_s": (translation, "fit after Heinen et al., J. Chem. Phys. 135, 154504 (2011), from memory"),
-    "D_r": (rotation, "fit after Cichocki, Ekiel-Jezewska & Wajnryb, J. Chem. Phys. 111, 3265 (1999), from memory"),
-    "U": (sedimentation, "fit after Abade et al. (2010), Heinen et al. (2011), from memory"),
+    "eta_inf": (viscosity, _PUBLISHED),
+    "D_s": (translation, _PUBLISHED),
+    "U": (sedimentation, _PUBLISHED),
 }
 
 
 def fit(name: str, phi: float) -> Fit | None:
-    """The literature's value of `eta_inf`, `D_s`, `D_r` or `U` (over the dilute one); None beyond its range."""
+    """The literature's value of a property over the dilute one; None without a published fit, or beyond its range."""
+    if name not in FITS or not 0.0 <= phi <= LARGEST_FRACTION + 1e-9:  # rounding of N/V
+        return None
     function, source = FITS[name]
-    return Fit(function(phi), source) if 0.0 <= phi <= LARGEST_FRACTION + 1e-9 else None  # rounding of N/V
+    return Fit(function(phi), source)
 
 
 def structure_factor_at_zero(phi: float) -> float:

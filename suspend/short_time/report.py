@@ -88,7 +88,7 @@ def _notes(result: ShortTimeProperties) -> list[str]:
             f"  {literature.KNOWN_EXCESS}",
         ]
     notes.append("literature: fits for fluids at equilibrium, phi <= 0.5:")
-    notes += [f"  {NAMES[p.name]}: {p.source}" for p in result.properties]
+    notes += [f"  {NAMES[p.name]}: {p.source}" for p in result.properties if p.source]
     return notes
 
 
