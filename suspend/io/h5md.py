@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import getpass
 import math
+import uuid
 
 import h5py
 import numpy as np
@@ -55,7 +56,8 @@ def element_path(name: str, row_shape: tuple[int, ...], number: int) -> str:
 
 def empty_file(config_yaml: str, meta: dict, run_id: str) -> bytes:
     """Bytes of an empty trajectory; `meta` (nested, scalars and lists) becomes attributes."""
-    with h5py.File("empty", "w", driver="core", backing_store=False) as file:
+    # Files in memory of one name clash, as of two runs in threads of one process.
+    with h5py.File(f"empty-{uuid.uuid4().hex}", "w", driver="core", backing_store=False) as file:
         header = file.create_group("h5md")
         header.attrs["version"] = np.array([1, 1], np.int32)
         header.create_group("author").attrs["name"] = _user()
