@@ -1,4 +1,4 @@
-"""One line of progress on stderr, if it is a terminal."""
+"""Progress on stderr: one line that is redrawn on a terminal, a line now and then in the log of a job."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import sys
 import time
 
 INTERVAL = 0.1  # seconds between redrawings
+LOGGED = 60.0  # seconds between lines of a log, at least where no tenth of the run is completed
 BAR = 24  # characters, at most
 DONE_BEFORE, DONE_NOW, TO_DO = "=", "#", "."
 
 
 class Progress:
     """Draws the state of a run; messages appear above it. Quiet: nothing at all.
+
+    Where the stream is no terminal, prints a line at each tenth of the run, and one a minute between them.
 
     `update` takes an object with the attributes cycle, cycles, strain, total_strain, fraction, minimum_gap
     (radii), iterations, evaluations, compiling and initial_fraction (done before this session).
@@ -29,6 +32,9 @@ class Progress:
         self._drawn = -math.inf
         self._start: tuple[float, float] | None = None  # clock and fraction when computing began
         self._line = ""
+        self._logged = -math.inf
+        self._tenth: int | None = None
+        self._said_compiling = False
 
     def __enter__(self) -> Progress:
         """Nothing is drawn before the first update."""
@@ -53,13 +59,33 @@ class Progress:
         now = self._clock()
         if self._start is None and not state.compiling:
             self._start = (now, state.fraction)
-        if not self.visible or (now - self._drawn < INTERVAL and state.fraction < 1.0):
+        if not self.visible:
+            self._log(now, state)
+            return
+        if (now - self._drawn < INTERVAL and state.fraction < 1.0):
             return
         self._drawn = now
         width = shutil.get_terminal_size().columns - 1
         self._line = render(state, self._left(now, state.fraction), width)
         self.stream.write(f"\r\x1b[K{self._line}")
         self.stream.flush()
+
+    def _log(self, now: float, state) -> None:
+        """A line for a job's log, if one is due."""
+        if self.quiet or (state.compiling and self._said_compiling):
+            return
+        if state.compiling:
+            self._said_compiling = True
+            self.message(COMPILING)
+            return
+        tenth = int(10.0 * state.fraction + 1e-9)
+        if self._tenth is None:  # what it begins with is known
+            self._tenth, self._logged = tenth, now
+            return
+        if tenth <= self._tenth and now - self._logged < LOGGED:
+            return
+        self._tenth, self._logged = max(tenth, self._tenth), now
+        self.message(log_line(state, self._left(now, state.fraction)))
 
     def _left(self, now: float, fraction: float) -> float | None:
         """Seconds left at the pace of this session, None while it is unknown."""
@@ -68,10 +94,22 @@ class Progress:
         return (now - self._start[0]) / (fraction - self._start[1]) * (1.0 - fraction)
 
 
+COMPILING = "compiling the kernels (on the first run only, about a minute)"
+
+
+def log_line(state, left: float | None) -> str:
+    """The line for `state` in a log, with `left` seconds to go (None: unknown)."""
+    text = (
+        f"cycle {state.cycle}/{state.cycles}, {100.0 * state.fraction:.0f} %, "
+        f"strain {state.strain:.4g}/{state.total_strain:.4g}, {clock_time(left)} left"
+    )
+    return text + (f", smallest gap {state.minimum_gap:.1e} a" if math.isfinite(state.minimum_gap) else "")
+
+
 def render(state, left: float | None, width: int) -> str:
     """The line for `state` with `left` seconds to go (None: unknown), at most `width` characters."""
     if state.compiling:
-        return "compiling the kernels (on the first run only, about a minute)"[:width]
+        return COMPILING[:width]
     head = f"cycle {state.cycle}/{state.cycles} "
     parts = [
         f" {100.0 * state.fraction:.0f} %",
