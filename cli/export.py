@@ -6,6 +6,8 @@ import re
 
 import click
 
+from suspend_cli.options import Place
+
 EPILOG = """
 \b
 Examples:
@@ -44,12 +46,12 @@ class Frames(click.ParamType):
 
 
 @click.command(epilog=EPILOG)
-@click.argument("run", type=click.Path())
+@click.argument("run", type=Place())
 @click.option(
     "-o",
     "--output",
     required=True,
-    type=click.Path(),
+    type=Place(),
     metavar="FILE",
     help="File to write (.gsd, .xyz, .extxyz, .csv, .json, .nc).",
 )

@@ -9,7 +9,7 @@ import click
 import suspend
 from suspend_cli.errors import guarded
 from suspend_cli.export import export
-from suspend_cli.options import DurationType, Figure, OverrideType, Threads, use_threads
+from suspend_cli.options import DurationType, Figure, OverrideType, Place, Threads, check_environment, use_threads
 from suspend_cli.plot import plot
 from suspend_cli.properties import properties
 from suspend_cli.report_page import report
@@ -74,14 +74,15 @@ SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 120}
 @click.version_option(suspend.__version__, prog_name="suspend", message="%(prog)s %(version)s")
 def cli() -> None:
     """Dense suspensions of spheres under oscillatory shear: simulate, analyse."""
+    check_environment()
 
 
 @cli.command(epilog=RUN_EPILOG)
-@click.argument("config", type=click.Path())
+@click.argument("config", type=Place())
 @click.option(
     "-o",
     "--output",
-    type=click.Path(),
+    type=Place(),
     metavar="DIR",
     help="Folder of the run. [default: runs/NAME of NAME.yaml]",
 )
@@ -102,7 +103,7 @@ def cli() -> None:
     "--max-time",
     type=DurationType(),
     metavar="T",
-    help="Stop with a checkpoint after this wall time: 90, 90s, 10m, 2h, 1h30m.",
+    help="Stop with a checkpoint after this wall time: 90, 90s, 10m, 2h, 1h30m, 01:30:00.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the closing figures (or the plan) as JSON.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
@@ -142,7 +143,7 @@ def _simulate(configuration, directory, source, *, resume, threads, max_time, qu
             resume=True if resume else None,
             threads=threads,
             max_time=max_time,
-            progress=progress.update if progress.visible else None,
+            progress=None if quiet else progress.update,
             message=progress.message,
         )
 
@@ -158,9 +159,9 @@ def _print_result(result, as_json: bool) -> None:
 
 
 @cli.command(epilog=ANALYZE_EPILOG)
-@click.argument("paths", metavar="RUN...", nargs=-1, required=True, type=click.Path())
+@click.argument("paths", metavar="RUN...", nargs=-1, required=True, type=Place())
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of tables.")
-@click.option("--csv", "csv_path", type=click.Path(), metavar="FILE", help="Write the columns to a CSV file.")
+@click.option("--csv", "csv_path", type=Place(), metavar="FILE", help="Write the columns to a CSV file.")
 @click.option(
     "--plot",
     "plot_path",
@@ -247,7 +248,7 @@ def _analyze_many(paths, as_json, csv_path, last) -> None:
 @cli.command(
     epilog="\b\nExamples:\n  suspend info runs/demo\n  suspend info runs/demo --json | jq .statistics"
 )
-@click.argument("path", metavar="RUN", type=click.Path())
+@click.argument("path", metavar="RUN", type=Place())
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, the whole configuration included.")
 def info(path, as_json) -> None:
     """Say how far a run is, how it was made and what it cost.
@@ -265,7 +266,7 @@ def info(path, as_json) -> None:
     epilog="\b\nExamples:\n  suspend init                 write config.yaml\n"
     "  suspend init runs/a.yaml --force\n  suspend init - | less        print it"
 )
-@click.argument("file", default="config.yaml", type=click.Path())
+@click.argument("file", default="config.yaml", type=Place())
 @click.option("--force", is_flag=True, help="Overwrite the file if it exists.")
 def init(file, force) -> None:
     """Write a commented configuration to start from.

@@ -11,6 +11,7 @@ import click
 from click.shell_completion import CompletionItem
 
 TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?", re.ASCII | re.IGNORECASE)
+SCHEDULED = re.compile(r"(?:(\d+)-(\d+)(?::(\d+)(?::(\d+))?)?|(?:(\d+):)?(\d+):(\d+))", re.ASCII)
 SECONDS = (86400.0, 3600.0, 60.0, 1.0)
 FIGURES = (".png", ".pdf")  # `suspend.plots.FORMATS`, known here without importing matplotlib
 
@@ -42,8 +43,28 @@ class OverrideType(click.ParamType):
         ]
 
 
+class Place(click.Path):
+    """A file or folder; empty text, as of a variable that is not set, is none."""
+
+    def convert(self, value, param, ctx):
+        """The path as text."""
+        if value == "":
+            self.fail("found an empty name; is a variable not set? `.` is the current folder", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+def check_environment() -> None:
+    """Refuse a NUMBA_NUM_THREADS that Numba cannot be imported with."""
+    value = os.environ.get("NUMBA_NUM_THREADS", "")
+    if value and not (value.strip().isascii() and value.strip().isdigit() and int(value) >= 1):
+        raise click.UsageError(
+            f"the environment has NUMBA_NUM_THREADS={value}; must be an integer of at least 1: "
+            "unset it, or use --threads"
+        )
+
+
 class DurationType(click.ParamType):
-    """Wall time to seconds: 90, 90s, 10m, 2h, 1h30m, 1d."""
+    """Wall time to seconds: 90, 90s, 10m, 2h, 1h30m, 1d; of schedulers: 10:00, 1:30:00, 1-12, 1-12:00:00."""
 
     name = "time"
 
@@ -51,6 +72,11 @@ class DurationType(click.ParamType):
         """Seconds, more than 0."""
         if isinstance(value, int | float):
             return float(value)
+        scheduled = SCHEDULED.fullmatch(value.strip())
+        if scheduled:
+            total = _scheduled(scheduled)
+            if total > 0.0:
+                return total
         match = TIME.fullmatch(value.strip())
         try:
             parts = [float(part or 0) for part in match.groups()] if match else [0.0]
@@ -58,8 +84,16 @@ class DurationType(click.ParamType):
         except ValueError:
             total = 0.0
         if not 0.0 < total < float("inf"):
-            self.fail(f"found {value!r}; must be a time > 0 such as 90, 90s, 10m, 2h, 1h30m", param, ctx)
+            examples = "90, 90s, 10m, 2h, 1h30m, 01:30:00 or 1-12:00:00"
+            self.fail(f"found {value!r}; must be a time > 0 such as {examples}", param, ctx)
         return total
+
+
+def _scheduled(match: re.Match) -> float:
+    """Seconds of D-HH[:MM[:SS]] or [HH:]MM:SS."""
+    days, day_hours, day_minutes, day_seconds, *clock = (float(part or 0) for part in match.groups())
+    parts = (days, day_hours, day_minutes, day_seconds) if match.group(1) else (0.0, *clock)
+    return sum(part * unit for part, unit in zip(parts, SECONDS, strict=True))
 
 
 class Threads(click.ParamType):

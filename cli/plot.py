@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from suspend_cli.options import Place
+
 EPILOG = """
 \b
 Examples:
@@ -50,7 +52,7 @@ class FigureName(click.ParamType):
 
 @click.command(epilog=EPILOG)
 @click.argument("figure", type=FigureName())
-@click.argument("runs", nargs=-1, required=True, type=click.Path())
+@click.argument("runs", nargs=-1, required=True, type=Place())
 @click.option(
     "--list",
     is_flag=True,
@@ -62,7 +64,7 @@ class FigureName(click.ParamType):
 @click.option(
     "-o",
     "--output",
-    type=click.Path(),
+    type=Place(),
     metavar="PATH",
     help="File (.png, .pdf, .gif, .mp4), or folder. [default: FIGURE here]",
 )

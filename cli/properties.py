@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
+from suspend_cli.options import Place, method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
 \b
@@ -38,7 +38,7 @@ class Result(click.ParamType):
 
 
 @click.command(epilog=EPILOG)
-@click.argument("scene", type=click.Path(), required=False)
+@click.argument("scene", type=Place(), required=False)
 @click.option(
     "--phi",
     "volume_fraction",

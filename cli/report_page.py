@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from suspend_cli.options import Place
+
 EPILOG = """
 \b
 Examples:
@@ -16,9 +18,9 @@ The page needs no other file and no network. Runs that cannot be read are listed
 
 
 @click.command(epilog=EPILOG)
-@click.argument("runs", nargs=-1, required=True, type=click.Path())
+@click.argument("runs", nargs=-1, required=True, type=Place())
 @click.option(
-    "-o", "--output", default="report.html", show_default=True, type=click.Path(), metavar="FILE", help="Page to write."
+    "-o", "--output", default="report.html", show_default=True, type=Place(), metavar="FILE", help="Page to write."
 )
 @click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
 @click.option("--title", metavar="TEXT", help="Title of the page.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from suspend_cli.options import method_options, quiet_option, threads_option, use_threads
+from suspend_cli.options import Place, method_options, quiet_option, threads_option, use_threads
 
 EPILOG = """
 \b
@@ -22,10 +22,10 @@ Lengths in sphere radii a, forces in 6 pi eta0 a, torques in 6 pi eta0 a^2 (time
 
 
 @click.command(epilog=EPILOG)
-@click.argument("scene", type=click.Path())
+@click.argument("scene", type=Place())
 @method_options(1e-6, "the answer", "the file's; ewald for npz")
 @click.option(
-    "-o", "--output", type=click.Path(), metavar="FILE", help="Write the answer (.json, .npz, .h5, .hdf5)."
+    "-o", "--output", type=Place(), metavar="FILE", help="Write the answer (.json, .npz, .h5, .hdf5)."
 )
 @threads_option
 @click.option("--json", "as_json", is_flag=True, help="Print the whole answer as JSON.")

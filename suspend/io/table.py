@@ -76,4 +76,4 @@ def _csv(cells: list) -> str:
 
 def _number(value: float) -> str:
     value = value.item() if hasattr(value, "item") else value
-    return repr(value)
+    return "" if value != value else repr(value)  # NaN, a value that does not exist here: an empty cell

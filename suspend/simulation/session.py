@@ -24,6 +24,7 @@ class Session:
     def __init__(self, simulation: Simulation, store: RunStore, stop: Stop, progress, started: float):
         self.simulation, self.store, self.stop, self.progress = simulation, store, stop, progress
         self.started, self.drawn = started, 0.0
+        self.compilations = None
         flow = simulation.flow
         self.total = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
         self.begun = self._strain()
@@ -45,7 +46,7 @@ class Session:
             if not store.finished:
                 store.finish(simulation.dump()[0], simulation.final_frame())
             return
-        with while_compiling(lambda: self._report(compiling=True)):
+        with while_compiling(lambda: self._report(compiling=True)) as self.compilations:
             self._cycles()
         store.finish(simulation.dump()[0], simulation.final_frame())
 
@@ -58,7 +59,7 @@ class Session:
             self._interrupt()
 
     def _cycle(self) -> None:
-        simulation, clock = self.simulation, time.monotonic()
+        simulation, clock = self.simulation, time.monotonic() - self.compilations.seconds
         try:
             if simulation.between_cycles:
                 simulation.begin_cycle()
@@ -74,7 +75,7 @@ class Session:
                 f"{error}; cycle {simulation.state.cycle}, step after total strain {self._strain():.6g}; the "
                 f"{self.store.cycles_done} completed cycles are kept in {self.store.directory}"
             ) from None
-        simulation.wall_time = time.monotonic() - clock
+        simulation.wall_time = time.monotonic() - self.compilations.seconds - clock
         self._count(asdict(simulation.suspension.counters))
         self.store.append_cycle(simulation.end_cycle())
         self.store.save(*simulation.dump())
@@ -127,6 +128,7 @@ class Session:
                 "total_strain": self.total,
                 "strain_now": self.total - self.begun,
                 "seconds": time.monotonic() - self.started,
+                "compiling_seconds": self.compilations.seconds if self.compilations is not None else 0.0,
                 "minimum_gap": float(self.smallest),
                 **self.sums,
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -77,9 +78,14 @@ def _start(config: Config, directory: Path, threads: int, say) -> tuple[Simulati
     store = RunStore.create(directory, config.to_yaml(), provenance(config, initial, threads), _table(config))
     if initial.packing is not None:
         p = initial.packing
+        # Too few pairs near contact, as with few spheres: there is no value.
+        contact = (
+            f"g(contact) {p.contact_value:.3g} (equilibrium fluid {p.equilibrium_contact_value:.3g}), "
+            if math.isfinite(p.contact_value)
+            else ""
+        )
         say(
-            f"start: random packing, g(contact) {p.contact_value:.3g} (equilibrium fluid "
-            f"{p.equilibrium_contact_value:.3g}), Q6 {p.global_q6:.3g}, smallest gap {p.minimum_gap:.3g} a"
+            f"start: random packing, {contact}Q6 {p.global_q6:.3g}, smallest gap {p.minimum_gap:.3g} a"
         )
     return simulation, store
 

@@ -20,8 +20,11 @@ class Summary:
         f = self.figures
         if f["evaluations"] == 0:
             return [f"{f['directory']}: finished before, {f['cycles']} cycles, nothing to do"]
+        spent = f["compiling_seconds"]
+        compiling = f" ({spent:.1f} s of it compiling)" if spent >= 0.05 else ""
         return [
-            f"{f['directory']}: {f['cycles']} cycles, total strain {f['total_strain']:.6g}, {f['seconds']:.1f} s, "
+            f"{f['directory']}: {f['cycles']} cycles, total strain {f['total_strain']:.6g}, "
+            f"{f['seconds']:.1f} s{compiling}, "
             f"{f['evaluations']} velocity evaluations ({f['evaluations'] / max(f['strain_now'], 1e-300):.0f} per unit "
             f"strain), {f['iterations'] / f['evaluations']:.1f} iterations each, "
             f"smallest gap {f['minimum_gap']:.3g} a, rejected steps {f['rejected_overlap']} (overlap) "
