@@ -22,6 +22,12 @@ FAR_HISTORY = 2  # the same for the coupled solve (benchmarks/bench_coupled.py)
 # Smallest gap (radii) from which a factorisation serves several coupled solves: one of a pair that has since turned by
 # an angle t lets t^2/(4 gap) of its stiffness into soft directions.
 STIFF_GAP = 1e-3
+PRESSED_GAP = 1e-6  # radii: below, round-off and stiffness of the gaps are what a solve or a step fails by
+PRESSED = (
+    "smooth spheres are pressed together, and what helps is a force or a roughness that keeps them apart, not the "
+    "accuracy asked for: set lubrication.minimum_gap (1e-4, say) or contact (with its gap_shift), or add or strengthen "
+    "repulsion"
+)
 GAP_REACH = 3.0  # radii: centre distance up to which gaps are looked for in a sample, whatever acts
 FLOWN = 1e6  # cell edges: a trial position beyond it is no position of a suspension
 VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
@@ -237,11 +243,22 @@ class Suspension:
         try:
             solution = self.far.solve(load, strain_rate, VELOCITY_FLOOR, start)
         except NumericalError as error:
-            raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
+            raise NumericalError(f"{error}; {self._gap_so_far()}") from None
         history.push(time, solution.guess)
         self.counters.iterations += solution.iterations
         self.counters.products += solution.products
         return solution
+
+    @property
+    def solve_accuracy(self) -> tuple[str, float]:
+        """Key and value of the relative error that velocities are solved to; ("", 0) without a solve."""
+        if self.far is not None:
+            return "solver.far_tolerance", self.settings.far_tolerance
+        return ("solver.tolerance", self.settings.tolerance) if self.near is not None else ("", 0.0)
+
+    def _gap_so_far(self) -> str:
+        gap = self.counters.minimum_gap
+        return f"smallest gap so far {gap:.3g} a" + (f": {PRESSED}" if gap < PRESSED_GAP else "")
 
     def factor(self, position: np.ndarray, tilt: float) -> None:
         """Factorise the preconditioner from the scalars just assembled at `position`."""
@@ -255,7 +272,7 @@ class Suspension:
             settings = self.settings
             solution = self.near.solve(load, start, settings.tolerance, floor2, settings.max_iterations)
         except NumericalError as error:
-            raise NumericalError(f"{error}; smallest gap so far {self.counters.minimum_gap:.3g} a") from None
+            raise NumericalError(f"{error}; {self._gap_so_far()}") from None
         self.counters.iterations += solution.iterations
         return solution
 

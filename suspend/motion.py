@@ -14,11 +14,13 @@ import numpy as np
 
 from suspend.box import flip, flips_of
 from suspend.core.cell import wrap_and_count
-from suspend.dynamics import Overlap, Suspension
+from suspend.dynamics import PRESSED, PRESSED_GAP, Overlap, Suspension
 from suspend.errors import NumericalError
 from suspend.flow import Flow
 from suspend.gaps import CloseGaps
 from suspend.integrators import Controller, Method, Step, interpolate, take_step
+
+SHORTEST_WAY = 1e-9  # radii: the way a sphere goes in the smallest step advised where forces are large
 
 
 @dataclass
@@ -205,10 +207,31 @@ class Motion:
 
     def _stuck(self, state: State, size: float, why: str) -> str:
         counters = self.suspension.counters
+        advice = self._advice(state)
         return (
             f"{why}: step {size:.3g} at cycle {state.cycle}, total strain "
             f"{self.flow.accumulated(state.cycle, state.time):.6g}; "
             f"smallest gap {counters.minimum_gap:.3g} a, {counters.rejected_overlap} overlaps "
             f"and {counters.rejected_error} error rejections in this cycle. "
-            "Lower integrator.tolerance or integrator.min_step, or set lubrication.minimum_gap"
+            f"{advice}"
         )
+
+    def _advice(self, state: State) -> str:
+        """What helps where no step is small enough."""
+        counters = self.suspension.counters
+        if counters.minimum_gap < PRESSED_GAP:
+            return PRESSED[0].upper() + PRESSED[1:]
+        if self.settings.fixed is not None:
+            return "Lower integrator.step"
+        key, accuracy = self.suspension.solve_accuracy
+        speed = math.sqrt(float(np.mean(np.sum(state.velocity**2, axis=1))))
+        if accuracy * speed > self.settings.tolerance:
+            return (
+                f"The spheres move at {speed:.2g} a per unit strain; {key} {accuracy:.2g} of that is more than "
+                f"integrator.tolerance {self.settings.tolerance:.2g}, which no step however short can meet: lower "
+                f"{key} to {0.1 * self.settings.tolerance / speed:.0e} and integrator.min_step to "
+                f"{SHORTEST_WAY / speed:.0e}, or the forces (repulsion, contact, external)"
+            )
+        if counters.rejected_error:
+            return "Lower integrator.min_step, raise integrator.tolerance, or lower the forces"
+        return "Lower integrator.min_step, or set lubrication.minimum_gap"

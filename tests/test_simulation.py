@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -297,3 +298,33 @@ def test_smallest_gap_of_a_scene_without_any_interaction(tmp_path):
     with Run(tmp_path / "dense") as dense, Run(tmp_path / "dilute") as dilute:
         assert dense.cycle(0)["statistics"]["minimum_gap"] < 0.1
         assert dilute.cycle(0)["statistics"]["minimum_gap"] == np.inf
+
+
+@pytest.mark.parametrize(
+    "forces",
+    [
+        {"repulsion": "{force: 1.0e8, debye_length: 0.01}"},
+        {"repulsion": "{force: 1.0e8, debye_length: 0.01}", "external": "{force: [1.0e5, 0, 0]}"},
+    ],
+)
+def test_advice_for_large_forces_helps(tmp_path, forces):
+    """Velocities so large that their solve's error exceeds the tolerance: the message gives values that work."""
+    forces = forces | {"duration__cycles": 1, "flow__amplitude": 1e-4, "seed": 5}
+    with pytest.raises(NumericalError, match=r"lower solver\.tolerance to") as caught:
+        run(scene(20, 0.4, **forces), tmp_path / "a")
+    found = re.search(r"lower solver.tolerance to (\S+) and integrator.min_step to ([0-9.e+-]+)", str(caught.value))
+    run(scene(20, 0.4, **forces, solver__tolerance=found[1], integrator__min_step=found[2]), tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    "helps",
+    [{"lubrication__minimum_gap": 1e-3}, {"repulsion": "{force: 10, debye_length: 0.01}"}],
+    ids=["roughness", "repulsion"],
+)
+def test_advice_for_vanishing_gaps_helps(tmp_path, helps):
+    """A solve that fails while smooth spheres are pressed together says so, and not that its accuracy is at fault."""
+    pressed = {"repulsion": "null", "external": "null", "flow__amplitude": 1.6, "duration__cycles": 1, "seed": 11}
+    pressed |= {"solver__max_iterations": 60, "solver__tolerance": 1e-9}
+    with pytest.raises(NumericalError, match=r"lubrication\.minimum_gap .*repulsion"):
+        run(scene(60, 0.5, **pressed), tmp_path / "a")
+    run(scene(60, 0.5, **pressed | {"solver__max_iterations": 2000} | helps), tmp_path / "b")
