@@ -11,9 +11,11 @@ from suspend_cli.options import Place
 EPILOG = """
 \b
 Examples:
-  suspend export runs/demo -o demo.gsd                  every frame, for OVITO, freud, MDAnalysis
+  suspend export runs/demo -o demo.gsd                  every frame, for OVITO, freud, HOOMD-blue
   suspend export runs/demo -o demo.xyz --phase 0        extended XYZ, once a cycle
   suspend export runs/demo -o end.gsd --frames -1       the last frame
+  suspend export runs/demo -o demo.h5md                 for MDAnalysis, with the topology of
+  suspend export runs/demo -o top.xyz --frames 0          Universe("top.xyz", "demo.h5md")
   suspend export runs/demo -o moduli.csv                moduli of every cycle
   suspend export runs/demo -o stress.csv --table samples
   suspend export runs/demo -o run.nc --frames ::10      netCDF for xarray
@@ -21,6 +23,11 @@ Examples:
 \b
 Frames are counted from 0, negative ones from the end: a number, numbers with commas, or START:STOP:STEP.
 netCDF needs `pip install xarray h5netcdf`.
+
+\b
+MDAnalysis opens neither trajectory.h5 (its suffix and its units are none it knows) nor, rightly, .gsd:
+it takes the tilt of the cell for an angle. Its .h5md labels lengths Angstrom and times ps, for it asks for
+units; the numbers are those of the configuration.
 """
 SLICE = re.compile(r"(-?\d+)?:(-?\d+)?(?::(-?\d+)?)?")
 
@@ -53,7 +60,7 @@ class Frames(click.ParamType):
     required=True,
     type=Place(),
     metavar="FILE",
-    help="File to write (.gsd, .xyz, .extxyz, .csv, .json, .nc).",
+    help="File to write (.gsd, .xyz, .extxyz, .h5md, .csv, .json, .nc).",
 )
 @click.option("--frames", type=Frames(), metavar="FRAMES", help="Frames of positions. [default: all; .nc: none]")
 @click.option(

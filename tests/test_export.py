@@ -15,6 +15,7 @@ import subprocess
 import sys
 
 import gsd.hoomd
+import h5py
 import numpy as np
 import pytest
 from sheared_runs import NUMBER, SCALES, sheared_run, vectors
@@ -22,7 +23,7 @@ from synthetic_runs import EDGE, configuration, write_run
 
 import suspend.export.arrays as arrays
 from suspend.analysis.summary import analyze
-from suspend.configuration_files import read_gsd, read_xyz
+from suspend.configuration_files import read_gsd, read_h5md, read_xyz
 from suspend.errors import ConfigurationError, StorageError
 from suspend.export import export
 from suspend.export.frames import FrameChoice
@@ -116,6 +117,42 @@ def test_gsd_by_mdanalysis(run, stored, tmp_path):
         np.testing.assert_allclose(lattice, np.round(lattice), atol=1e-6)
         np.testing.assert_allclose(step.dimensions[:3], EDGE, rtol=1e-7)
     trajectory.close()
+
+
+def test_h5md_by_mdanalysis(run, stored, tmp_path):
+    """`Universe(top.xyz, run.h5md)` opens without options: positions, times, cell and the pair across the boundary."""
+    mda = pytest.importorskip("MDAnalysis", reason="MDAnalysis is not installed")
+    from MDAnalysis.lib.distances import distance_array
+
+    export(run, tmp_path / "a.h5md")
+    export(run, tmp_path / "top.xyz", frames=(0,))
+    universe = mda.Universe(str(tmp_path / "top.xyz"), str(tmp_path / "a.h5md"))
+    assert universe.trajectory.n_frames == len(stored)
+    for step, known in zip(universe.trajectory, stored, strict=True):
+        np.testing.assert_allclose(universe.atoms.positions, known["position"], atol=SINGLE)
+        np.testing.assert_allclose(step.triclinic_dimensions, vectors(known["tilt"]), atol=4 * SINGLE)
+        assert step.time == known["time"] and step.data["strain"] == known["strain"]
+    universe.trajectory[1]
+    x = universe.atoms.positions
+    distance = distance_array(x[:1], x[1:2], box=universe.dimensions)[0, 0]
+    assert distance == pytest.approx(pair_distance(stored[1]["tilt"]), abs=4 * SINGLE)
+    universe.trajectory.close()
+
+
+def test_h5md_has_units_and_every_frame(run, stored, tmp_path):
+    """The file as h5py reads it: positions bit for bit, cell vectors as rows, MDAnalysis' own units as labels; our own
+    reader of starts takes it.
+    """
+    (note,) = export(run, tmp_path / "a.h5md", frames=slice(0, None, 2))
+    assert "MDAnalysis" in note and "Angstrom" in note
+    with h5py.File(tmp_path / "a.h5md") as file:
+        spheres = file["particles/spheres"]
+        assert spheres["position/value"].attrs["unit"] == "Angstrom" and spheres["position/time"].attrs["unit"] == "ps"
+        for i, known in enumerate(stored[::2]):
+            np.testing.assert_array_equal(spheres["position/value"][i], known["position"])
+            np.testing.assert_array_equal(spheres["image/value"][i], known["image"])
+            np.testing.assert_allclose(spheres["box/edges/value"][i], vectors(known["tilt"]), rtol=1e-14)
+    np.testing.assert_array_equal(read_h5md(tmp_path / "a.h5md", 1).positions, stored[2]["position"])
 
 
 OVITO_SCRIPT = """

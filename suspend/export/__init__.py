@@ -1,4 +1,4 @@
-"""Export of runs for the tools people use: GSD, extended XYZ, CSV, JSON, netCDF; xarray and pandas from Python.
+"""Export of runs for the tools people use: GSD, extended XYZ, H5MD, CSV, JSON, netCDF; xarray and pandas from Python.
 
     from suspend.export import export
     export("runs/demo", "demo.gsd", frames=slice(0, None, 10))

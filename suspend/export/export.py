@@ -11,7 +11,7 @@ from suspend.export.frames import FrameChoice
 from suspend.io import Run
 from suspend.io.files import replace_atomically, storage_errors
 
-TRAJECTORIES = (".gsd", ".xyz", ".extxyz")
+TRAJECTORIES = (".gsd", ".xyz", ".extxyz", ".h5md")
 TABLES = (".csv", ".json")
 FORMATS = (*TRAJECTORIES, *TABLES, ".nc")
 CONTENTS = ("cycles", "samples")
@@ -43,7 +43,7 @@ def export(
 ) -> list[str]:
     """Write a run directory or trajectory file to `target`; returns notes on what is missing.
 
-    .gsd, .xyz, .extxyz: positions; .csv, .json: moduli per cycle (`table` "samples": the time series); .nc:
+    .gsd, .xyz, .extxyz, .h5md (for MDAnalysis): positions; .csv, .json: moduli per cycle (`table` "samples": the time series); .nc:
     time series and moduli, with positions where `frames` or `phase` is given (needs xarray and h5netcdf).
     frames: which ones, as a slice or numbers (negative from the end), default all; phase: only those at
     this fraction of a cycle. One frame (one cycle of the tables) is in memory at a time. Atomic: the target is the
@@ -76,6 +76,10 @@ def _filler(suffix: str, run: Run, choice: FrameChoice | None, table: str, notes
         from suspend.export.xyz_files import write_xyz
 
         return lambda path: write_xyz(choice, path, notes)
+    if suffix == ".h5md":
+        from suspend.export.h5md_files import write_h5md
+
+        return lambda path: write_h5md(choice, path, notes)
     if suffix == ".csv":
         from suspend.export.tables import write_csv
 

@@ -1,4 +1,8 @@
-"""GSD files of the HOOMD schema: what OVITO, freud, HOOMD-blue and MDAnalysis read."""
+"""GSD files of the HOOMD schema: what OVITO, freud and HOOMD-blue read.
+
+Not for MDAnalysis: up to version 2.11 its reader takes the schema's tilt xy for the angle alpha, so that every cell
+but an untilted one is wrong. It reads .h5md files rightly.
+"""
 
 from __future__ import annotations
 
