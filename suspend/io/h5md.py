@@ -5,7 +5,9 @@
                                 per frame; particle_stress and other (n, N, m) series per sample
     /observables                strain, phase, tilt, cycle: {step, time, value} per frame
     /rheology/NAME              strain, rate, phase, cycle, stress_...: {step, time, value} per sample
-    /cycles                     index, complete, sample_end, frame_end; statistics/NAME: one row per cycle
+    /cycles                     index, complete, sample_end, frame_end; statistics/NAME: one row per cycle;
+                                statistics/d_cyc (oscillatory) is relative to the mean displacement of the
+                                spheres, as D_cyc of the analysis: the drift of the whole is taken off
     /parameters                 configuration (YAML text); attributes: seed, versions, units, ...
     /restart/checkpoint         the bytes of checkpoint.npz at the last cycle in this file
 

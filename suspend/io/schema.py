@@ -1,7 +1,8 @@
 """Which field of a cycle's record belongs to which table of the trajectory, and what a record must satisfy.
 
 Four tables: samples (n rows a cycle: time series), frames (K rows a cycle: positions), cycles (one row) and
-statistics (one row a cycle, the solver's). Fields not named below are time series with n rows.
+statistics (one row a cycle: the solver's, and d_cyc, relative to the mean displacement as in the analysis). Fields not
+named below are time series with n rows.
 """
 
 from __future__ import annotations
