@@ -41,7 +41,8 @@ class Config:
     far_field: str = key(
         "choice",
         "ewald: many-body, by an Ewald sum; self: every sphere's own drag and stresslet, the paper's model, in"
-        " which not even a pair is exact; identity: the same with the factors of the authors' code (rotational drag 3/4 and stresslet 9/5 of the right ones)",
+        " which not even a pair is exact; identity: the same with the factors of the authors' code (rotational drag"
+        " 3/4 and stresslet 9/5 of the right ones)",
         default="self",
         choices=("ewald", "self", "identity"),
     )

@@ -43,8 +43,9 @@ def export(
 ) -> list[str]:
     """Write a run directory or trajectory file to `target`; returns notes on what is missing.
 
-    .gsd, .xyz, .extxyz, .h5md (for MDAnalysis): positions; .csv, .json: moduli per cycle (`table`
-    "samples": the time series); .nc: time series and moduli, with positions where `frames` or `phase` is given (needs xarray and h5netcdf).
+    .gsd, .xyz, .extxyz, .h5md (for MDAnalysis): positions; .csv, .json: moduli per cycle (`table` "samples": the
+    time series); .nc: time series and moduli, with positions where `frames` or `phase` is given (needs xarray and
+    h5netcdf).
     frames: which ones, as a slice or numbers (negative from the end), default all; phase: only those at
     this fraction of a cycle. One frame (one cycle of the tables) is in memory at a time. Atomic: the target is the
     old file or the complete new one. Raises ConfigurationError (suffix, frames that are not there, missing
