@@ -4,7 +4,8 @@
     S = -R_SU^nf U' + (R_SE^self + R_SE^nf) : E     (Brady's sign), summed over the spheres
 
 R_nf = sum over pairs closer than the cutoff of [exact two-sphere resistance - inverse of the two-sphere FTS
-mobility] (Durlofsky, Brady & Bossis 1987). Internal units of `suspend.conventions`.
+mobility] (Durlofsky, Brady & Bossis 1987). Exact for a pair only with the far field, whose FTS mobility gives back what
+is subtracted here; beside R_self alone, the paper's model, it is not. Internal units of `suspend.conventions`.
 """
 
 from __future__ import annotations
