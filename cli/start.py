@@ -22,10 +22,13 @@ def main() -> None:
 
 
 def receive_signals() -> None:
-    """Leave with exit code 130 on a signal; one that is ignored, as SIGHUP under nohup, stays ignored."""
+    """Leave with exit code 130 on a signal; but SIGINT, one that is ignored stays so, as SIGHUP under nohup."""
     for name in NAMES:
         number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+        if number is None:
+            continue
+        # Shells start background jobs of scripts with SIGINT ignored; sent to a command, it still means stop.
+        if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, _leave)
 
 

@@ -22,7 +22,7 @@ class Stop:
     """Set by a signal or the time limit; the run looks at it after every step.
 
     Until `keep` is called there is nothing a checkpoint would save, and a signal ends the block at once with
-    Interrupted. A signal that is ignored on entry, as SIGHUP is under nohup, stays ignored.
+    Interrupted. A signal other than SIGINT that is ignored on entry, as SIGHUP is under nohup, stays ignored.
     """
 
     def __init__(self, max_time: float | None):
@@ -34,7 +34,8 @@ class Stop:
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
             for number in SIGNALS:
-                if signal.getsignal(number) is not signal.SIG_IGN:
+                # Shells start background jobs of scripts with SIGINT ignored; sent to a run, it still means stop.
+                if number == signal.SIGINT or signal.getsignal(number) is not signal.SIG_IGN:
                     self._before[number] = signal.signal(number, self._receive)
         return self
 
