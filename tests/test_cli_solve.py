@@ -285,3 +285,13 @@ def test_help():
     )
     assert "Examples:" in result.stdout and "suspend solve scene.npz" in result.stdout
     assert max(map(len, result.stdout.splitlines())) <= 100
+
+
+def test_an_empty_radius_is_refused(tmp_path):
+    """An array without an entry says nothing about the radius: an error, not a radius of 1 in silence."""
+    from suspend.errors import ConfigurationError
+    from suspend.oneshot.problem_files import read_problem
+
+    np.savez(tmp_path / "a.npz", positions=np.ones((1, 3)), L=9.0, radius=np.array([]))
+    with pytest.raises(ConfigurationError, match="radius: must be 1"):
+        read_problem(tmp_path / "a.npz")

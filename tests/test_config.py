@@ -488,3 +488,12 @@ def test_importing_the_configuration_does_not_import_the_physics():
     code = "import sys, suspend.config; print(sorted({'numpy', 'numba', 'scipy', 'h5py'} & set(sys.modules)))"
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert printed.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("fraction", ["1e-300", "1e-30"])
+def test_cells_beyond_double_precision_are_refused(fraction):
+    """A cell in which rounding moves spheres by more than gaps: one line that names the key and what is allowed."""
+    text = f"particles: {{number: 3, volume_fraction: {fraction}}}\n"
+    text += "flow: {type: oscillatory, amplitude: 1.0}\nduration: {cycles: 1}\n"
+    with pytest.raises(ConfigurationError, match=r"particles\.volume_fraction: found 1e-\d+; must be >= 1.26e-26"):
+        loads(text)

@@ -20,6 +20,8 @@ NOISE = 10.0  # largest far-field tolerance over the integrator's: at 100 no ste
 HARMONICS = 9  # analysed of the stress; a Fourier sum of n samples resolves harmonics below n/2
 DENSEST_WITH_GAP = 0.62  # of a random packing, its minimum gap counted as part of the spheres
 
+LARGEST_EDGE = 1e9  # radii
+
 Values = dict[str, Any]
 Complain = Callable[[str, str], None]
 
@@ -34,7 +36,7 @@ def check_consistency(values: Values, places: dict[str, str], problems: Problems
         problems.add(places.get(key, places[""]), key, message)
 
     for check in (
-        _packing, _initial, _frequency, _duration, _ewald, _lubrication, _contact, _integrator, _output,
+        _cell, _packing, _initial, _frequency, _duration, _ewald, _lubrication, _contact, _integrator, _output,
     ):  # fmt: skip
         check(values, complain)
     _resolve_tolerances(values)
@@ -45,6 +47,19 @@ def _all(section: Values | None, *names: str) -> list | None:
     """Values of these keys, None if any is absent or null."""
     found = [(section or {}).get(name) for name in names]
     return None if None in found else found
+
+
+def _cell(values: Values, complain: Complain) -> None:
+    found = _all(values["particles"], "number", "volume_fraction")
+    if not found:
+        return
+    thinnest = found[0] * 4.0 * math.pi / (3.0 * LARGEST_EDGE**3)
+    if found[1] < thinnest:
+        complain(
+            "particles.volume_fraction",
+            f"found {found[1]:g}; must be >= {thinnest:.3g} for {found[0]} spheres: beyond a cell edge of"
+            f" {LARGEST_EDGE:g} radii double precision does not hold the gaps between spheres (to 1e-7 radii)",
+        )
 
 
 def _packing(values: Values, complain: Complain) -> None:

@@ -194,7 +194,7 @@ def _problem_of(arrays: dict[str, np.ndarray]) -> tuple[PeriodicScene, np.ndarra
     if edge <= 0.0:
         raise ConfigurationError(f"L: found {edge:g}; must be > 0")
     for name in ("radius", "a"):
-        if name in arrays and np.any(np.asarray(arrays[name]) != 1.0):
+        if name in arrays and (np.size(arrays[name]) == 0 or np.any(np.asarray(arrays[name]) != 1.0)):
             raise ConfigurationError(
                 f"{name}: must be 1: lengths are in sphere radii; divide positions, L and shift by the radius"
             )
