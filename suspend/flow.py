@@ -51,13 +51,15 @@ class Steps:
     """Piecewise constant rate: `pre` units of strain at `rate_before`, then `rate_after`, in equal blocks.
 
     Steady shear has pre = 0 and rate_after = 1; a reversal has rate_before = 1 and rate_after = -1; a
-    quiescent fluid has rate 0 throughout, with time in place of strain.
+    quiescent fluid has rate 0 throughout, with time in place of strain. `block`: length of the blocks after the
+    reversal where it is given by what a run was begun with; `total - pre` is then a whole multiple of it.
     """
 
     total: float
     pre: float
     rate_before: float
     rate_after: float
+    block: float | None = None
 
     @property
     def pre_blocks(self) -> int:
@@ -67,7 +69,8 @@ class Steps:
     @property
     def cycles(self) -> int:
         """Number of blocks of the whole run."""
-        return self.pre_blocks + math.ceil(self.total - self.pre - 1e-12)
+        after = self.total - self.pre
+        return self.pre_blocks + (math.ceil(after - 1e-12) if self.block is None else round(after / self.block))
 
     def period(self, cycle: int) -> float:
         """Duration of a block: the parts before and after the reversal are cut evenly.
@@ -76,7 +79,7 @@ class Steps:
         """
         if cycle < self.pre_blocks or self.cycles == self.pre_blocks:
             return self.pre / self.pre_blocks
-        return (self.total - self.pre) / (self.cycles - self.pre_blocks)
+        return self.block or (self.total - self.pre) / (self.cycles - self.pre_blocks)
 
     def elapsed(self, cycle: int, time: float) -> float:
         """Time since the start of the run."""
@@ -103,17 +106,45 @@ class Steps:
 Flow = Oscillatory | Steps
 
 
-def make_flow(config) -> Flow:
-    """The protocol of a configuration (`suspend.config.Config`)."""
+def make_flow(config, block: float | None = None) -> Flow:
+    """The protocol of a configuration (`suspend.config.Config`); `block` as in `Steps`, ignored under oscillation."""
     flow, duration = config.flow, config.duration
     if flow.type == "oscillatory":
         cycles = duration.cycles or math.ceil(duration.strain / (4.0 * flow.amplitude) - 1e-9)
         return Oscillatory(flow.amplitude, flow.phase, cycles)
     if flow.type == "steady":
-        return Steps(duration.strain, 0.0, 1.0, 1.0)
+        return Steps(duration.strain, 0.0, 1.0, 1.0, block)
     if flow.type == "reversal":
-        return Steps(duration.strain, min(flow.reversal_strain, duration.strain), 1.0, -1.0)
-    return Steps(duration.strain, 0.0, 0.0, 0.0)
+        return Steps(duration.strain, min(flow.reversal_strain, duration.strain), 1.0, -1.0, block)
+    return Steps(duration.strain, 0.0, 0.0, 0.0, block)
+
+
+def continued_flow(config, stored, block: float | None, begun: int) -> Flow | None:
+    """The protocol of `config` with the blocks of a run that was started with the configuration `stored`.
+
+    block : length of the run's blocks after a reversal, None where its configuration alone gave it; begun : number of
+    cycles or blocks that are done or in progress. None where the two do not agree on those: a run is then never
+    continued, since a state in the middle of one block would be taken for one in another.
+    """
+    if begun == 0:
+        return make_flow(config)
+    before = make_flow(stored, block)
+    flow = make_flow(config, block_length(before))
+    total = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1)) if flow.cycles else 0.0
+    if isinstance(flow, Steps) and not math.isclose(total, flow.total, rel_tol=1e-9):
+        return None
+    same = all(
+        math.isclose(before.period(k), flow.period(k), rel_tol=1e-9) and before.rate(k, 0.0) == flow.rate(k, 0.0)
+        for k in range(min(begun, flow.cycles))
+    )
+    return flow if same else None
+
+
+def block_length(flow: Flow) -> float | None:
+    """Length of the blocks after a reversal; None under oscillation or where no such block exists."""
+    if isinstance(flow, Oscillatory) or flow.cycles == flow.pre_blocks:
+        return None
+    return flow.period(flow.cycles - 1)
 
 
 def rate_scale(config) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
@@ -328,3 +329,81 @@ def test_advice_for_vanishing_gaps_helps(tmp_path, helps):
     with pytest.raises(NumericalError, match=r"lubrication\.minimum_gap .*repulsion"):
         run(scene(60, 0.5, **pressed), tmp_path / "a")
     run(scene(60, 0.5, **pressed | {"solver__max_iterations": 2000} | helps), tmp_path / "b")
+
+
+@pytest.mark.parametrize("duration", ["cycles", "strain"])
+def test_a_state_within_a_cycle_is_never_stored_as_its_end(tmp_path, duration):
+    """Stopped within cycle 2 of many, then asked for the 2 that are done: the run ends where one of 2 cycles ends.
+
+    Theory: deterministic motion. The last frame equals the shorter run's to round-off (its wrapped positions are made
+    from unwrapped ones), and extended to 4 cycles it holds the bits of a run that was never stopped.
+    """
+
+    tree = scene(20, 0.4).to_dict()
+
+    def asked(cycles):
+        tree["duration"] = {duration: cycles if duration == "cycles" else 4 * 0.3 * cycles}
+        return from_dict(tree)
+
+    while True:
+        with contextlib.suppress(Interrupted):
+            run(asked(1000), tmp_path / "r", max_time=0.0)
+        with Run(tmp_path / "r") as stored:
+            if stored.cycles == 2:
+                break
+    for _ in range(3):  # steps into the third cycle
+        with pytest.raises(Interrupted):
+            run(asked(1000), tmp_path / "r", max_time=0.0)
+    run(asked(2), tmp_path / "r")
+    run(asked(2), tmp_path / "short")
+    (_, found), (_, expected) = contents(tmp_path / "r"), contents(tmp_path / "short")
+    for name, value in expected.items():
+        np.testing.assert_allclose(found[name], value, rtol=0.0, atol=1e-12, err_msg=name)
+    with Run(tmp_path / "r") as stored:
+        assert stored.finished
+    run(asked(1), tmp_path / "r")  # less than what is done leaves it as it is
+    with Run(tmp_path / "r") as stored:
+        assert (stored.cycles, stored.finished) == (2, True)
+    run(asked(4), tmp_path / "r")
+    run(asked(4), tmp_path / "whole")
+    assert_identical(contents(tmp_path / "r"), contents(tmp_path / "whole"))
+
+
+def test_steady_runs_are_extended_by_whole_blocks(tmp_path):
+    """3.3 units of strain (4 blocks of 0.825) go on to 9.9 (12 blocks), as the refusal of other lengths says."""
+    steady = {
+        "particles": {"number": 5, "volume_fraction": 0.1},
+        "flow": {"type": "steady"},
+        "duration": {"strain": 3.3},
+        "output": {"samples_per_cycle": 2},
+    }
+    run(from_dict(steady), tmp_path / "r")
+    with pytest.raises(ConfigurationError, match=r"whole multiple of the block length 0\.825"):
+        run(from_dict(steady, overrides=["duration.strain=9.8"]), tmp_path / "r")
+    for total, blocks in ((6.6, 8), (9.9, 12)):
+        run(from_dict(steady, overrides=[f"duration.strain={total}"]), tmp_path / "r")
+        with Run(tmp_path / "r") as stored:
+            assert stored.cycles == blocks
+            assert stored.frame(-1)["strain"] == pytest.approx(total, rel=1e-12)
+
+
+@pytest.mark.parametrize("flow", [{"type": "steady"}, {"type": "reversal", "reversal_strain": 1.0}])
+def test_a_begun_block_is_not_continued_as_another(tmp_path, flow):
+    """Stopped within a block, the run refuses a duration that would cut this block anew: its state belongs to none."""
+    tree = {
+        "particles": {"number": 15, "volume_fraction": 0.3},
+        "flow": flow,
+        "duration": {"strain": 2.0},
+        "output": {"samples_per_cycle": 4},
+    }
+    wanted = 0 if flow["type"] == "steady" else 1  # within the first block, within the one after the reversal
+    for _ in range(1000):
+        with contextlib.suppress(Interrupted):
+            run(from_dict(tree), tmp_path / "r", max_time=0.0)
+        with Run(tmp_path / "r") as stored:
+            if stored.cycles == wanted:
+                break
+    with contextlib.suppress(Interrupted):
+        run(from_dict(tree), tmp_path / "r", max_time=0.0)
+    with pytest.raises(ConfigurationError, match="other blocks"):
+        run(from_dict(tree, overrides=["duration.strain=1.7"]), tmp_path / "r")

@@ -7,6 +7,7 @@ from dataclasses import asdict
 import numpy as np
 
 from suspend.dynamics import Counters, History
+from suspend.flow import block_length
 from suspend.motion import State
 
 
@@ -22,6 +23,7 @@ def dump(simulation) -> tuple[dict, dict | None]:
         "history": _dump_history(suspension.history),
         "flow_history": _dump_history(suspension.flow_history),
         "threads": suspension.threads,
+        "block": block_length(simulation.flow),
     }
     if simulation.between_cycles:
         return content, None
@@ -58,8 +60,9 @@ def load(simulation, content: dict, partial: dict | None) -> None:
     suspension.counters = Counters(**content["counters"])
     suspension.baseline, simulation.start_position = content["baseline"], content["start_position"]
     simulation.recorder.resume(partial)
-    time = simulation.state.time
-    simulation.events = [t for t in simulation.coming_events() if t > time + 1e-12 * max(1.0, time)]
+    time, coming = simulation.state.time, simulation.coming_events()
+    # the cycle's end stays, however near: without a coming event the state would pass for one between cycles
+    simulation.events = [t for t in coming[:-1] if t > time + 1e-12 * max(1.0, time)] + coming[-1:]
 
 
 def _list_point(verlet) -> dict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numba
 import numpy as np
@@ -11,7 +11,7 @@ from suspend.analysis.dynamics import cyclic_diffusivity
 from suspend.box import unwrap
 from suspend.config import Config
 from suspend.dynamics import Counters
-from suspend.flow import make_flow
+from suspend.flow import Flow, make_flow
 from suspend.integrators import METHODS
 from suspend.motion import Motion, State, StepSettings
 from suspend.recorder import Recorder
@@ -22,8 +22,8 @@ from suspend.simulation import checkpoint
 class Simulation:
     """One run in memory: suspension, motion, state, record. `run` adds files and signals."""
 
-    def __init__(self, config: Config, threads: int, edge: float | None = None):
-        self.config, self.flow, self.units = config, make_flow(config), make_units(config)
+    def __init__(self, config: Config, threads: int, edge: float | None = None, flow: Flow | None = None):
+        self.config, self.flow, self.units = config, flow or make_flow(config), make_units(config)
         self.suspension = make_suspension(config, threads, edge)
         numba.set_num_threads(self.suspension.threads)  # idle threads would spin
         integrator, output = config.integrator, config.output
@@ -106,11 +106,13 @@ class Simulation:
         )
 
     def final_frame(self) -> dict:
-        """Positions at the end, as arrays of one frame."""
-        state = self.state
-        state.cycle, state.time = state.cycle - 1, self.flow.period(state.cycle - 1)
-        frame = self.recorder.frame(state, state.time, state.position)
-        state.cycle, state.time = state.cycle + 1, 0.0
+        """Positions at the end of the last complete cycle, as arrays of one frame."""
+        last = self.state.cycle - 1
+        period = self.flow.period(last)
+        state = replace(self.state, cycle=last, time=period)
+        if not self.between_cycles:  # a cycle has begun since: its start is where the last one ended
+            state.position, state.image = self.start_position, np.zeros_like(state.image)
+        frame = self.recorder.frame(state, period, state.position)
         return {name: np.array([value]) for name, value in frame.items()}
 
     def dump(self) -> tuple[dict, dict | None]:

@@ -42,9 +42,10 @@ class Session:
         if not store.has_state:
             store.save(*simulation.dump())
         if simulation.state.cycle >= simulation.flow.cycles:
-            self._report()
-            if not store.finished:
-                store.finish(simulation.dump()[0], simulation.final_frame())
+            # A longer run that is asked for less stays as it is. A cycle begun since is kept for an extension.
+            if simulation.state.cycle == simulation.flow.cycles and not store.finished:
+                state, partial = simulation.dump()
+                store.finish(state, simulation.final_frame(), partial)
             return
         with while_compiling(lambda: self._report(compiling=True)) as self.compilations:
             self._cycles()
@@ -125,8 +126,8 @@ class Session:
             {
                 "directory": str(self.store.directory),
                 "cycles": self.store.cycles_done,
-                "total_strain": self.total,
-                "strain_now": self.total - self.begun,
+                "total_strain": self._strain(),
+                "strain_now": self._strain() - self.begun,
                 "seconds": time.monotonic() - self.started,
                 "compiling_seconds": self.compilations.seconds if self.compilations is not None else 0.0,
                 "minimum_gap": float(self.smallest),

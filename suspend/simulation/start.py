@@ -12,7 +12,7 @@ import numba
 from suspend.analysis.rheology import block_row, cycle_row
 from suspend.config import Config, loads
 from suspend.errors import ConfigurationError, StorageError
-from suspend.flow import make_flow, rate_scale
+from suspend.flow import Flow, continued_flow, make_flow, rate_scale
 from suspend.initial import prepare_initial
 from suspend.io import CycleTable, Run, RunStore, holds_run
 from suspend.scene import make_units
@@ -91,15 +91,17 @@ def _start(config: Config, directory: Path, threads: int, say) -> tuple[Simulati
 
 
 def _continue(config: Config, directory: Path, threads: int, say) -> tuple[Simulation, RunStore]:
-    with Run(directory) as stored:
-        _check_same(config, stored, directory)
+    with Run(directory) as run:
+        stored = loads(run.config_yaml, source=f"configuration stored in {directory}")
+    _check_same(config, stored, directory)
     store = RunStore.open(directory, _table(config))
     try:
-        units = make_units(config)
-        simulation = Simulation(config, threads, store.meta["L"] / units.length)
         content, partial = store.load_state()
+        flow = _continued_flow(config, stored, content, directory)
+        simulation = Simulation(config, threads, store.meta["L"] / make_units(config).length, flow)
         simulation.load(content, partial)
-        if store.config_yaml != config.to_yaml():
+        done = simulation.state.cycle
+        if done <= flow.cycles and store.config_yaml != config.to_yaml():
             store.update_configuration(config.to_yaml())
     except BaseException:
         store.close()
@@ -111,25 +113,35 @@ def _continue(config: Config, directory: Path, threads: int, say) -> tuple[Simul
             f"note: {content['threads']} thread(s) before, {simulation.suspension.threads} now: results go on "
             "within the tolerances, not bit for bit"
         )
-    say(f"continuing at cycle {simulation.state.cycle} of {simulation.flow.cycles}")
+    if done < flow.cycles:
+        say(f"continuing at cycle {done} of {flow.cycles}")
+    elif done > flow.cycles:
+        say(f"{done} cycles are done, {flow.cycles} asked for: the run stays as it is")
     return simulation, store
 
 
-def _check_same(config: Config, run: Run, directory: Path) -> None:
-    stored = loads(run.config_yaml, source=f"configuration stored in {directory}")
+def _check_same(config: Config, stored: Config, directory: Path) -> None:
     differing = _differing(stored.to_dict(), config.to_dict())
     if differing:
         raise ConfigurationError(
             f"{directory} holds a run with another configuration ({', '.join(differing)} differ): "
             "choose another --output, or the configuration it was started with"
         )
-    old_flow, new_flow = make_flow(stored), make_flow(config)
-    if run.cycles and old_flow.period(0) != new_flow.period(0):
-        raise ConfigurationError(
-            f"{directory}: duration.strain {config.duration.strain:g} cuts the run into other blocks than the "
-            f"{stored.duration.strain:g} it was started with: choose a whole multiple of the block length "
-            f"{old_flow.period(0):g}"
-        )
+
+
+def _continued_flow(config: Config, stored: Config, content: dict, directory: Path) -> Flow:
+    """The flow with the blocks that the run was begun with. Raises ConfigurationError where the duration forbids it."""
+    cycle, time, block = content["motion"]["cycle"], content["motion"]["time"], content.get("block")
+    flow = continued_flow(config, stored, block, cycle + (time > 0.0))
+    if flow is not None:
+        return flow
+    old = make_flow(stored, block)
+    before = f" behind the first {old.pre:g}" if old.pre else ""
+    raise ConfigurationError(
+        f"{directory}: duration.strain {config.duration.strain:g} cuts the run into other blocks than the "
+        f"{stored.duration.strain:g} it was started with: choose a whole multiple of the block length "
+        f"{old.period(old.cycles - 1):g}{before}"
+    )
 
 
 def _differing(old: dict, new: dict) -> list[str]:
