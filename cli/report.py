@@ -41,7 +41,7 @@ def information(content: Mapping[str, Any]) -> dict[str, Any]:
         config = loads(content["config_yaml"], source="configuration stored with the run")
     except ConfigurationError as error:
         return result | {"configuration": None, "configuration_problem": str(error), "cycles_total": None}
-    return result | {"configuration": config.to_dict(), "cycles_total": make_flow(config).cycles}
+    return result | {"configuration": config.to_dict(), "cycles_total": max(make_flow(config).cycles, content["cycles"])}
 
 
 def description(content: Mapping[str, Any]) -> list[str]:

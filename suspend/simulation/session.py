@@ -42,6 +42,7 @@ class Session:
         if not store.has_state:
             store.save(*simulation.dump())
         if simulation.state.cycle >= simulation.flow.cycles:
+            self._report()
             # A longer run that is asked for less stays as it is. A cycle begun since is kept for an extension.
             if simulation.state.cycle == simulation.flow.cycles and not store.finished:
                 state, partial = simulation.dump()
@@ -103,10 +104,11 @@ class Session:
         if self.progress is None or (now - self.drawn < PROGRESS_EVERY and not compiling):
             return
         self.drawn = now
-        state, counters, strain = self.simulation.state, self.simulation.suspension.counters, self._strain()
+        state, counters = self.simulation.state, self.simulation.suspension.counters
+        strain = min(self._strain(), self.total)  # a run may hold more than it is asked for
         self.progress(
             ProgressState(
-                cycle=state.cycle,
+                cycle=min(state.cycle, self.simulation.flow.cycles),
                 cycles=self.simulation.flow.cycles,
                 strain=strain,
                 total_strain=self.total,
@@ -116,7 +118,7 @@ class Session:
                 evaluations=counters.evaluations,
                 elapsed=now - self.started,
                 compiling=compiling,
-                initial_fraction=self.begun / self.total,
+                initial_fraction=min(self.begun / self.total, 1.0),
             )
         )
 
