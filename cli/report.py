@@ -41,7 +41,9 @@ def information(content: Mapping[str, Any]) -> dict[str, Any]:
         config = loads(content["config_yaml"], source="configuration stored with the run")
     except ConfigurationError as error:
         return result | {"configuration": None, "configuration_problem": str(error), "cycles_total": None}
-    return result | {"configuration": config.to_dict(), "cycles_total": max(make_flow(config).cycles, content["cycles"])}
+    # more where a steady run was extended: it keeps the shorter blocks it was begun with
+    total = max(make_flow(config).cycles, content["cycles"])
+    return result | {"configuration": config.to_dict(), "cycles_total": total}
 
 
 def description(content: Mapping[str, Any]) -> list[str]:
