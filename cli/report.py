@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from suspend.config import loads
-from suspend.errors import ConfigurationError, StorageError
+from suspend.errors import ConfigurationError
+from suspend.io.files import replace_text, storage_errors
 
 
 def to_json(content: Any) -> str:
@@ -151,23 +149,11 @@ def _text(value: Any) -> str:
 
 
 def write_text(path: Path, text: str, force: bool) -> None:
-    """Write a small file, whole or not at all. ConfigurationError if it exists and `force` is not set."""
+    """Write a small file, whole or not at all. ConfigurationError if a regular file exists and `force` is not set."""
     if path.is_dir():
         raise ConfigurationError(f"{path}: is a folder; give the name of a file")
-    if path.exists() and not force:
+    if path.is_file() and not force:
         raise ConfigurationError(f"{path}: exists already; --force overwrites it")
-    temporary = None
-    try:
+    with storage_errors("write", path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        with open(descriptor, "w", encoding="utf-8") as file:
-            file.write(text)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(temporary, 0o666 & ~umask)  # mkstemp's are readable to the owner only
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                os.unlink(temporary)
-        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+        replace_text(path, text)

@@ -181,7 +181,7 @@ def _umask():
 def test_init_into_a_file_used_as_a_folder_exits_4(tmp_path):
     (tmp_path / "file").write_text("")
     result = suspend("init", tmp_path / "file" / "config.yaml")
-    assert result.returncode == 4 and "cannot be written" in result.stderr
+    assert result.returncode == 4 and "cannot write" in result.stderr
 
 
 def test_run_passes_on_what_it_is_told(simulation, capsys):

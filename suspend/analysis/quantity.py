@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from abc import ABC, abstractmethod
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+
+from suspend.io.csv_text import write_csv_file
 
 
 class Quantity(ABC):
@@ -35,9 +35,7 @@ class Quantity(ABC):
         return {}
 
     def write_csv(self, path: os.PathLike | str) -> None:
-        """Write `table` with a header line."""
+        """Write `table` with a header line; atomic. Raises StorageError."""
         columns = self.table()
-        with Path(path).open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        write_csv_file(path, [columns, *rows])

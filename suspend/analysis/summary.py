@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,7 +24,7 @@ from suspend.analysis.steady import SIGNIFICANCE, SteadyAverage, ratio_average, 
 from suspend.analysis.tables import format_analysis
 from suspend.errors import ConfigurationError
 from suspend.io import Run
-from suspend.io.files import replace_atomically, storage_errors, write_bytes
+from suspend.io.csv_text import write_csv_file
 
 _PAPER_DRIFT = 100.0  # total strain past which the paper still sees eta_r', eta_r'' change (gamma0 < 3.2)
 
@@ -181,13 +178,8 @@ class Analysis:
 
     def write_csv(self, path: os.PathLike | str) -> None:
         """Write cycle numbers and columns under a header "quantity[unit]"; atomic. Raises StorageError."""
-        path, buffer = Path(path), io.StringIO()
-        writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerow(["cycle", *self.columns])
-        writer.writerows([cycle, *row] for cycle, row in enumerate(self.values.tolist()))
-        text = [buffer.getvalue().encode()]
-        with storage_errors("write", path):
-            replace_atomically(path, lambda temporary: write_bytes(temporary, text), sync=True)
+        rows = ([cycle, *row] for cycle, row in enumerate(self.values.tolist()))
+        write_csv_file(path, [["cycle", *self.columns], *rows])
 
 
 def analyze(path: os.PathLike | str, last: int | None = None) -> Analysis:

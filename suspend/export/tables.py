@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ from suspend.analysis.summary import Analysis, analyze_run
 from suspend.conventions import COMPONENTS
 from suspend.errors import ConfigurationError
 from suspend.io import Run
+from suspend.io.csv_text import write_rows
 
 UNITS = {
     "time": "time",
@@ -69,7 +69,7 @@ def _sample_rows(run: Run, names: list[str]) -> Iterator[list]:
 
 def _write_rows(path: Path, rows) -> None:
     with open(path, "w", encoding="utf-8", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows(rows)
+        write_rows(file, rows)
 
 
 def _analysis(run: Run) -> Analysis:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from suspend.figures.panel import Columns, Panel
 from suspend.figures.style import journal
-from suspend.io.files import replace_atomically, storage_errors, write_bytes
+from suspend.io.csv_text import write_csv_file
+from suspend.io.files import replace_atomically, storage_errors
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -72,9 +71,5 @@ def write_tables(panels: list[Panel], stem: Path) -> list[Path]:
 
 def write_columns(path: Path, columns: Columns) -> None:
     """A header "name[unit]" and one row a value; atomic. Raises StorageError."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
-    with storage_errors("write", path):
-        replace_atomically(path, lambda temporary: write_bytes(temporary, [buffer.getvalue().encode()]), sync=False)
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    write_csv_file(path, [columns, *rows], sync=False)

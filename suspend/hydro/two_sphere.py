@@ -95,6 +95,7 @@ def build_table() -> dict[str, np.ndarray]:
 def write_table(path: Path) -> None:
     """Write the table to `path` in one step (StorageError if that is not possible)."""
     table = build_table()
+    path = Path(os.path.realpath(path))  # a link stays, its target is written
     partial = path.with_name(path.name + ".partial")
     try:
         with open(partial, "wb") as file:

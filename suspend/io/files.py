@@ -7,6 +7,10 @@ import fcntl
 import os
 import re
 import socket
+import stat
+import sys
+import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +20,8 @@ from typing import BinaryIO
 from suspend.errors import StorageError
 
 TEMPORARY = ".tmp"  # one writer per directory (the lock), so one fixed temporary name per file is enough
+_MOST_LINKS = 40  # as the kernel follows
+_PIECE = 1 << 20  # bytes copied at a time
 _REASONS = {
     errno.ENOSPC: "the disk is full",
     errno.EDQUOT: "the disk quota is used up",
@@ -29,6 +35,9 @@ _REASONS = {
     errno.EISDIR: "it is a folder, not a file",
     errno.EIO: "the device reports an input/output error",
     errno.ESTALE: "the network file system lost the file",
+    errno.EPIPE: "its reader went away",
+    errno.ELOOP: "its symbolic links run in a circle",
+    errno.ENXIO: "no one listens there",
 }
 _REMEDIES = {
     errno.ENOSPC: "free some space",
@@ -45,6 +54,8 @@ def storage_errors(action: str, path: os.PathLike | str, advice: str = "") -> It
     """
     try:
         yield
+    except UnicodeEncodeError as error:  # of the path: some formats take names in UTF-8 only
+        raise StorageError(f"cannot {action} {path}: its name is not valid UTF-8; rename it") from error
     except (OSError, RuntimeError) as error:
         code = _errno_of(error)
         reason = _REASONS.get(code) or str(error).strip().splitlines()[0]
@@ -68,9 +79,15 @@ def temporary_name(path: Path) -> Path:
 def replace_atomically(path: Path, fill: Callable[[Path], None], *, sync: bool) -> None:
     """Let `fill` write a temporary file, then rename it to `path`; on any error the temporary is removed.
 
-    A kill at any instant leaves the old file or the new one. With `sync` the same holds for a power cut.
-    Raises what `fill` raises, and OSError.
+    A kill at any instant leaves the old file or the new one. With `sync` the same holds for a power cut. A symbolic
+    link stays and its target is replaced; what is not a regular file (a device, a FIFO, /dev/stdout) stays too and
+    receives the bytes. Raises what `fill` raises, and OSError.
     """
+    descriptor = _own_descriptor(path)
+    if descriptor is not None or _is_special(path):
+        _write_through(path, descriptor, fill)
+        return
+    path = _target_of(path)
     temporary = temporary_name(path)
     try:
         fill(temporary)
@@ -83,6 +100,62 @@ def replace_atomically(path: Path, fill: Callable[[Path], None], *, sync: bool) 
         raise
     if sync:
         sync_path(path.parent)
+
+
+def _is_special(path: Path) -> bool:
+    """True for devices, FIFOs and sockets, also behind links; a folder is left to the error of the rename."""
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _target_of(path: Path) -> Path:
+    """What a symbolic link stands for (it need not exist yet), other paths as they are. Raises OSError (a loop)."""
+    if not path.is_symlink():
+        return path
+    target = Path(os.path.realpath(path))
+    if target.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    return target
+
+
+def _own_descriptor(path: Path) -> int | None:
+    """Number of the open file of this process that `path` names (/dev/stdout, /dev/fd/3), or None.
+
+    Opening such a name again would cut the file behind it or write over what was printed.
+    """
+    own = (f"/proc/{os.getpid()}/fd", f"/proc/{os.getpid()}/task/{threading.get_native_id()}/fd")
+    for _ in range(_MOST_LINKS):
+        parent = os.path.realpath(path.parent)
+        if parent in own and path.name.isdecimal():
+            return int(path.name)
+        if not path.is_symlink():
+            return None
+        path = Path(parent) / os.readlink(path)
+    return None
+
+
+def _write_through(path: Path, descriptor: int | None, fill: Callable[[Path], None]) -> None:
+    """Fill a file in the folder for temporary files (formats seek in it), then copy it to `path`."""
+    with tempfile.TemporaryDirectory(prefix="suspend-") as folder:
+        whole = Path(folder) / path.name
+        fill(whole)
+        if descriptor is None:
+            target = open(path, "wb", buffering=0)  # noqa: SIM115 (closed below)
+        else:
+            sys.stdout.flush()
+            target = os.fdopen(os.dup(descriptor), "wb", buffering=0)
+        with target, open(whole, "rb") as source:
+            while piece := source.read(_PIECE):
+                write_all(target, piece)
+
+
+def replace_text(path: Path, text: str, *, sync: bool = True) -> None:
+    """Write `text` as UTF-8, as `replace_atomically`; bytes of file names that are no text appear as \\udcXX."""
+    data = text.encode("utf-8", "backslashreplace")
+    replace_atomically(path, lambda temporary: write_bytes(temporary, [data]), sync=sync)
 
 
 def write_bytes(path: Path, chunks: Iterator[bytes | memoryview] | list) -> None:

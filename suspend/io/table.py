@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-import io
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from suspend.io.files import append_or_restore, replace_atomically, storage_errors, write_bytes
+from suspend.io.csv_text import csv_text
+from suspend.io.files import append_or_restore, replace_text, storage_errors
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class CycleTable:
         lines = [self.line(record) for record in records if record["complete"]]
         text = lines[0][0] + "".join(line for _, line in lines)
         with storage_errors("repair", path):
-            replace_atomically(path, lambda temporary: write_bytes(temporary, [text.encode()]), sync=True)
+            replace_text(path, text)
         return True
 
     def _intact(self, path: Path, count: int, header: str, last: str) -> bool:
@@ -69,9 +69,7 @@ class CycleTable:
 
 
 def _csv(cells: list) -> str:
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerow(cells)
-    return buffer.getvalue()
+    return csv_text([cells])
 
 
 def _number(value: float) -> str:

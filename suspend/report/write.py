@@ -10,7 +10,7 @@ from pathlib import Path
 
 import suspend
 from suspend.errors import ConfigurationError, StorageError, SuspendError
-from suspend.io.files import replace_atomically, storage_errors, write_bytes
+from suspend.io.files import replace_text, storage_errors
 from suspend.report import tables
 from suspend.report.drawing import figures_of
 from suspend.report.examine import Examined, examine
@@ -54,7 +54,7 @@ def write_report(
         )
     page = _page(title or _title(rows), rows, sections, [_named(path, error) for path, error in failed])
     with storage_errors("write", target):
-        replace_atomically(target, lambda temporary: write_bytes(temporary, [page.encode()]), sync=True)
+        replace_text(target, page)
     return [f"left out: {_named(path, error)}" for path, error in failed]
 
 

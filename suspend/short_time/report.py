@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 
+from suspend.io.csv_text import csv_text
 from suspend.short_time import literature
 from suspend.short_time.ensemble import ShortTimeProperties
 
@@ -94,9 +93,7 @@ def _notes(result: ShortTimeProperties) -> list[str]:
 
 def to_csv(result: ShortTimeProperties) -> str:
     """One row a property; empty where there is no value. Fractions, not percent."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(("number", "volume_fraction", "configurations", "far_field", "lubrication", *COLUMNS))
+    rows: list[tuple] = [("number", "volume_fraction", "configurations", "far_field", "lubrication", *COLUMNS)]
     fixed = (
         result.number,
         repr(result.volume_fraction),
@@ -106,5 +103,5 @@ def to_csv(result: ShortTimeProperties) -> str:
     )
     for p in result.properties:
         values = (p.value, p.error, p.inner_error, p.corrected, p.literature, p.deviation)
-        writer.writerow((*fixed, p.name, *("" if v is None else repr(v) for v in values), p.source))
-    return text.getvalue()
+        rows.append((*fixed, p.name, *("" if v is None else repr(v) for v in values), p.source))
+    return csv_text(rows)
