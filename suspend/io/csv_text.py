@@ -11,7 +11,8 @@ from typing import Any, TextIO
 
 from suspend.io.files import replace_text, storage_errors
 
-_EXECUTED = ("=", "+", "-", "@", "\t", "\r", "\n")  # first characters by which spreadsheets take text for a formula
+_CONTROLS = str.maketrans({"\t": r"\t", "\r": r"\r", "\n": r"\n"})  # spreadsheets skip them, line readers break on them
+_EXECUTED = ("=", "+", "-", "@")  # first characters by which spreadsheets take text for a formula
 
 
 def cell(value: Any) -> Any:
@@ -21,7 +22,7 @@ def cell(value: Any) -> Any:
     """
     if not isinstance(value, str):
         return value
-    value = value.encode("utf-8", "backslashreplace").decode()
+    value = value.encode("utf-8", "backslashreplace").decode().translate(_CONTROLS)
     return "'" + value if value.startswith(_EXECUTED) and not _is_number(value) else value
 
 
