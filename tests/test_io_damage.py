@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from io_records import CONFIG, META, assert_same, record, state
+from io_records import CONFIG, META, assert_same, final_frame, record, state
 from test_io_store import assert_holds, write
 
 from suspend.errors import StorageError
@@ -149,3 +149,36 @@ def test_damaged_journal_byte_ends_the_journal(tmp_path):
     with Run(tmp_path / "run") as run:
         assert run.cycles == 1
         assert_same(run.cycle(0), record(0))
+
+
+def test_doubled_journal_entries_are_refused_with_the_way_out(tmp_path):
+    """Cycle 0, 1, 2, 0, 1, 2: no sequence of cycles. Moved away, as the message says, the run holds what is beside it."""
+    write(tmp_path / "run", 3, finish=False)
+    path = tmp_path / "run/cycles.journal"
+    data = path.read_bytes()
+    path.write_bytes(data + data[data.index(b"CYCL") :])
+    for opening in (Run, RunStore.open):
+        with pytest.raises(StorageError, match="cycle 0 follows cycle 2.*move it away and run again"):
+            opening(tmp_path / "run")
+    path.unlink()
+    with Run(tmp_path / "run") as run:
+        assert run.cycles == 0
+
+
+@pytest.mark.parametrize("damage", ["removed", "shortened", "doubled"])
+def test_a_journal_changed_during_the_run_is_an_error_at_once(tmp_path, damage):
+    """The writer knows how many bytes it left: a lost cycle is never followed by another, nor by "finished"."""
+    with RunStore.create(tmp_path / "run", CONFIG, META, interval=1e9) as store:
+        for cycle in range(2):
+            store.append_cycle(record(cycle))
+            store.save(state(cycle + 1))
+        path = tmp_path / "run/cycles.journal"
+        data = path.read_bytes()
+        if damage == "removed":
+            path.unlink()
+        else:
+            path.write_bytes(data[: len(data) // 2] if damage == "shortened" else data + data[data.index(b"CYCL") :])
+        with pytest.raises(StorageError, match="changed from outside while the run went on"):
+            store.append_cycle(record(2))
+        with pytest.raises(StorageError, match="changed from outside while the run went on"):
+            store.finish(state(2), final_frame(2))

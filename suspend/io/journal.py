@@ -26,6 +26,9 @@ _FRAME = struct.Struct("<4sqqqqqI")
 _MAGIC = b"suspend journal\n"
 _FRAME_MAGIC = b"CYCL"
 _CHUNK = 1 << 22
+JOURNAL_REMEDY = (
+    "move it away and run again: the run then continues from the last cycle in trajectory.h5, with the same results"
+)
 
 
 class Entry(NamedTuple):
@@ -73,8 +76,18 @@ class Journal:
                 )
             self.run_id, self.end = run_id.decode("ascii", "replace"), _HEADER.size
             while (entry := self._entry_at(self.end)) is not None:
+                self._check_continues(entry)
                 self.entries.append(entry)
                 self.end = entry.offset + entry.length
+
+    def _check_continues(self, entry: Entry) -> None:
+        """Each cycle follows the one before; only an incomplete one may be there again, longer."""
+        last = self.entries[-1] if self.entries else None
+        if last is not None and entry.cycle != last.cycle + last.complete:
+            raise StorageError(
+                f"{self.path}: cycle {entry.cycle} follows cycle {last.cycle}: it was changed from outside; "
+                f"{JOURNAL_REMEDY}"
+            )
 
     def _entry_at(self, position: int) -> Entry | None:
         frame = os.pread(self._descriptor, _FRAME.size, position)
@@ -141,3 +154,12 @@ def truncate_journal(path: Path, end: int) -> None:
     """Cut the journal behind byte `end` (from `Journal.end` or an entry). Raises StorageError."""
     with storage_errors("shorten", path):
         os.truncate(path, end)
+
+
+def size_of(path: Path) -> int:
+    """Bytes of the journal, 0 where there is none. Raises StorageError."""
+    with storage_errors("read", path):
+        try:
+            return os.stat(path).st_size
+        except FileNotFoundError:
+            return 0

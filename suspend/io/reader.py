@@ -13,7 +13,7 @@ import yaml
 
 from suspend.errors import StorageError
 from suspend.io.h5md import FRAME_FIELDS
-from suspend.io.journal import Journal
+from suspend.io.journal import JOURNAL_REMEDY, Journal
 from suspend.io.trajectory import TrajectoryFile
 
 TRAJECTORY, CHECKPOINT, JOURNAL = "trajectory.h5", "checkpoint.npz", "cycles.journal"
@@ -66,8 +66,8 @@ class Run:
         first = entries[0].cycle
         if first > self._base.stored:
             raise StorageError(
-                f"{self.path} ends at cycle {self._base.stored}, {self._journal.path} begins at cycle {first}"
-                ": restore the trajectory that belongs to it"
+                f"{self.path} holds {self._base.stored} cycles, {self._journal.path} begins behind them, at cycle "
+                f"{first}: cycles are missing; restore the two files that belong together, or {JOURNAL_REMEDY}"
             )
         self._base_cycles = first
         self._tail = {entry.cycle: entry for entry in entries}

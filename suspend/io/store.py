@@ -36,7 +36,7 @@ from suspend.io.files import (
     storage_errors,
     write_bytes,
 )
-from suspend.io.journal import Journal, append_record, truncate_journal
+from suspend.io.journal import JOURNAL_REMEDY, Journal, append_record, size_of, truncate_journal
 from suspend.io.reader import CHECKPOINT, JOURNAL, TRAJECTORY, Run
 from suspend.io.schema import FRAME_FIELDS, check_record, schema_of, steps
 from suspend.io.table import CycleTable
@@ -71,6 +71,7 @@ class RunStore:
         self._schema = None
         self._stored = self.cycles_done = 0
         self._lines: tuple[str, str] = ("", "")
+        self._journal_bytes = 0  # as this writer left it
 
     @classmethod
     def create(
@@ -143,6 +144,7 @@ class RunStore:
             self._content = self._latest_checkpoint(run)
         self.cycles_done = self._content["cycles"] if self._content else 0
         self._drop_journal_from(self.cycles_done)
+        self._journal_bytes = size_of(self.directory / JOURNAL)
         with Run(self.directory) as run:
             self._stored, self.finished = run.stored, run.finished
             last = run.cycle(run.stored - 1) if run.stored else None
@@ -169,7 +171,8 @@ class RunStore:
         usable = [content for content in found if content["cycles"] <= run.cycles]
         if found and not usable:
             raise StorageError(
-                f"{path} is at cycle {found[-1]['cycles']}, but only {run.cycles} cycles are stored"
+                f"{path} is at cycle {found[-1]['cycles']}, but only {run.cycles} cycles are stored: the cycles between "
+                f"are lost ({JOURNAL} was removed?); restore it, or move {path.name} away and start in another folder"
             )
         if len(usable) < len(found):
             self.notes.append(
@@ -214,13 +217,25 @@ class RunStore:
         if record["index"] != self.cycles_done:
             raise ValueError(f"record of cycle {record['index']}, but {self.cycles_done} cycles are complete")
         self._schema = check_record(record, int(self.meta["number"]), self._schema)
+        self._check_journal()
         append_record(self.directory / JOURNAL, self.run_id, record)
+        self._journal_bytes = size_of(self.directory / JOURNAL)
         self._stored = record["index"] + 1
         if record["complete"]:
             self.cycles_done += 1
             if self._table:
                 header, line = self._table.line(record)
                 self._lines = (header, self._lines[1] + line)
+
+    def _check_journal(self) -> None:
+        """Raises StorageError where another than this writer has removed, shortened or lengthened the journal."""
+        path = self.directory / JOURNAL
+        found = size_of(path)
+        if found != self._journal_bytes:
+            raise StorageError(
+                f"{path} was changed from outside while the run went on ({found} bytes, {self._journal_bytes} were "
+                f"written): completed cycles in it are lost; {JOURNAL_REMEDY}"
+            )
 
     def save(self, state: dict, partial: dict | None = None) -> None:
         """Replace the checkpoint: `state` (nested arrays, scalars) and `partial` record of a begun cycle.
@@ -283,6 +298,7 @@ class RunStore:
 
     def _rewrite(self, change: Callable[[h5py.File], None], finished: bool) -> None:
         started = time.monotonic()
+        self._check_journal()
         if self._content is not None and self._content["cycles"] != self.cycles_done:
             raise ValueError("save the state before consolidating")
         path = self.directory / TRAJECTORY
@@ -290,6 +306,7 @@ class RunStore:
             replace_atomically(path, lambda temporary: self._fill(temporary, change, finished), sync=True)
         with storage_errors("remove", self.directory / JOURNAL):
             (self.directory / JOURNAL).unlink(missing_ok=True)
+        self._journal_bytes = 0
         self.finished = finished
         self._last = time.monotonic()
         self._cost = self._last - started
