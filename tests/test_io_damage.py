@@ -152,13 +152,13 @@ def test_damaged_journal_byte_ends_the_journal(tmp_path):
 
 
 def test_doubled_journal_entries_are_refused_with_the_way_out(tmp_path):
-    """Cycle 0, 1, 2, 0, 1, 2: no sequence of cycles. Moved away, as the message says, the run holds what is beside it."""
+    """Cycle 0, 1, 2, 0, 1, 2: no sequence of cycles. Moved away, as the message says, the rest can be read."""
     write(tmp_path / "run", 3, finish=False)
     path = tmp_path / "run/cycles.journal"
     data = path.read_bytes()
     path.write_bytes(data + data[data.index(b"CYCL") :])
     for opening in (Run, RunStore.open):
-        with pytest.raises(StorageError, match="cycle 0 follows cycle 2.*move it away and run again"):
+        with pytest.raises(StorageError, match=r"cycle 0 follows cycle 2.*move it away and run again"):
             opening(tmp_path / "run")
     path.unlink()
     with Run(tmp_path / "run") as run:

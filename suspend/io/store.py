@@ -171,7 +171,7 @@ class RunStore:
         usable = [content for content in found if content["cycles"] <= run.cycles]
         if found and not usable:
             raise StorageError(
-                f"{path} is at cycle {found[-1]['cycles']}, but only {run.cycles} cycles are stored: the cycles between "
+                f"{path} is at cycle {found[-1]['cycles']}, but only {run.cycles} cycles are stored: those between "
                 f"are lost ({JOURNAL} was removed?); restore it, or move {path.name} away and start in another folder"
             )
         if len(usable) < len(found):
