@@ -124,7 +124,7 @@ def test_exact_number_variance_is_the_pair_sum(tilt):
 
 def test_exact_number_variance_refuses_spheres_beyond_a_quarter_of_the_cell():
     with pytest.raises(ConfigurationError, match=r"above L/4"):
-        exact_variance(Snapshot([*np.zeros((2, 3)), [0.0], [3.0]], 12.0), np.array([3.1]))
+        exact_variance(Snapshot([[0.0, 0.0, 0.0], [3.0, 3.0, 3.0]], 12.0), np.array([3.1]))
 
 
 def test_fit_of_beta_returns_what_it_was_given():
