@@ -39,7 +39,9 @@ def _leave(_number, frame) -> None:
         files.add(frame.f_code.co_filename)
         frame = frame.f_back
     guarded = os.path.join(os.path.dirname(__file__), "errors.py") in files
-    if guarded and "<frozen importlib._bootstrap>" not in files:
+    # what is raised within an import, or where the compiler calls back from C, is printed or swallowed there
+    swallowed = "<frozen importlib._bootstrap>" in files or any(f"{os.sep}llvmlite{os.sep}" in f for f in files)
+    if guarded and not swallowed:
         raise KeyboardInterrupt
     os.write(2, b"\nError: interrupted\n")
     os._exit(CODE)

@@ -10,7 +10,9 @@ import time
 import pytest
 
 from suspend.config import from_dict
+from suspend.errors import Interrupted
 from suspend.io import Run
+from suspend.simulation.stop import Stop
 
 
 def started(folder, number, phi, preexec=None):
@@ -84,3 +86,18 @@ def test_start_up_leaves_at_once(tmp_path, number):
         if wait >= 0.4:  # before, the interpreter itself may not have reached the command
             assert process.returncode == 130, (wait, error)
             assert "Traceback" not in error, (wait, error)
+
+
+def test_a_signal_within_a_callback_from_c_is_not_lost():
+    """There an exception is printed and dropped (ctypes). Nothing is raised within the compiler's callbacks, and the
+    signal comes again where its exception ends the block.
+    """
+    inside = compile("def callback(stop): stop._receive(signal.SIGTERM, sys._getframe())", "/x/llvmlite/y.py", "exec")
+    space = {"signal": signal, "sys": sys}
+    exec(inside, space)
+    begun = time.monotonic()
+    with pytest.raises(Interrupted, match="SIGTERM"), Stop(None) as stop:
+        space["callback"](stop)  # returns
+        while time.monotonic() - begun < 10.0:
+            time.sleep(0.01)
+    assert time.monotonic() - begun < 5.0

@@ -139,7 +139,7 @@ def _continued_flow(config: Config, stored: Config, content: dict, directory: Pa
     before = f" behind the first {old.pre:g}" if old.pre else ""
     raise ConfigurationError(
         f"{directory}: duration.strain {config.duration.strain:g} cuts the run into other blocks than the "
-        f"{stored.duration.strain:g} it was started with: choose a whole multiple of the block length "
+        f"{stored.duration.strain:g} it holds: choose a whole multiple of the block length "
         f"{old.period(old.cycles - 1):g}{before}"
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time
@@ -12,6 +13,9 @@ from suspend.errors import Interrupted
 SIGNALS = [
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGUSR1", "SIGHUP") if hasattr(signal, name)
 ]
+
+
+AGAIN = 0.05  # seconds until a signal whose exception was swallowed is looked at again
 
 
 class _Leave(BaseException):
@@ -30,6 +34,7 @@ class Stop:
         self.deadline = time.monotonic() + max_time if max_time is not None else None
         self._before: dict = {}
         self._at_once = True
+        self._again: threading.Timer | None = None
 
     def __enter__(self) -> Stop:
         if threading.current_thread() is threading.main_thread():
@@ -41,6 +46,8 @@ class Stop:
 
     def __exit__(self, kind, *_) -> None:
         self._at_once = False
+        if self._again is not None:
+            self._again.cancel()
         for number, handler in self._before.items():
             # None: a handler that was not set from Python cannot be set from it again.
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
@@ -53,9 +60,15 @@ class Stop:
         """From now on there is something to save: signals wait for `check`."""
         self._at_once = False
 
-    def _receive(self, number, _frame) -> None:
+    def _receive(self, number, frame) -> None:
         self.reason = signal.Signals(number).name
-        if self._at_once:
+        if not self._at_once:
+            return
+        # What is raised within a callback from C (the compiler's, a finalizer) is printed and dropped there.
+        self._again = threading.Timer(AGAIN, os.kill, (os.getpid(), number))
+        self._again.daemon = True
+        self._again.start()
+        if not within_compiler(frame):
             raise _Leave
 
     def check(self) -> str | None:
@@ -63,3 +76,12 @@ class Stop:
         if self.reason is None and self.deadline is not None and time.monotonic() > self.deadline:
             self.reason = "time limit"
         return self.reason
+
+
+def within_compiler(frame) -> bool:
+    """True where `frame` or one of its callers belongs to the compiler's Python side, which C calls back."""
+    while frame is not None:
+        if f"{os.sep}llvmlite{os.sep}" in frame.f_code.co_filename:
+            return True
+        frame = frame.f_back
+    return False
