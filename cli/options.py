@@ -13,6 +13,7 @@ from click.shell_completion import CompletionItem
 TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?", re.ASCII | re.IGNORECASE)
 SCHEDULED = re.compile(r"(?:(\d+)-(\d+)(?::(\d+)(?::(\d+))?)?|(?:(\d+):)?(\d+):(\d+))", re.ASCII)
 SECONDS = (86400.0, 3600.0, 60.0, 1.0)
+FEATURES = re.compile(r"[+-][\w.-]+(,[+-][\w.-]+)*", re.ASCII)  # LLVM ends the process for other text
 FIGURES = (".png", ".pdf")  # `suspend.plots.FORMATS`, known here without importing matplotlib
 
 
@@ -54,7 +55,13 @@ class Place(click.Path):
 
 
 def check_environment() -> None:
-    """Refuse a NUMBA_NUM_THREADS that Numba cannot be imported with."""
+    """Refuse what Numba and LLVM cannot start with."""
+    features = os.environ.get("NUMBA_CPU_FEATURES", "")
+    if features and not FEATURES.fullmatch(features):
+        raise click.UsageError(
+            f"the environment has NUMBA_CPU_FEATURES={features}; must be names with + or - in front, separated by "
+            "commas, such as +avx2,-avx512f: unset it"
+        )
     value = os.environ.get("NUMBA_NUM_THREADS", "")
     if value and not (value.strip().isascii() and value.strip().isdigit() and int(value) >= 1):
         raise click.UsageError(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 
 NAMES = ("SIGINT", "SIGTERM", "SIGUSR1", "SIGHUP")  # those of `suspend.simulation.stop`
 CODE = 130  # of `suspend.errors.Interrupted`, not imported yet
@@ -15,10 +16,28 @@ CODE = 130  # of `suspend.errors.Interrupted`, not imported yet
 
 def main() -> None:
     """Entry point of the command `suspend`."""
+    open_streams()
     receive_signals()
     from suspend_cli.main import main as run_commands
 
     run_commands()
+
+
+def open_streams() -> None:
+    """Give a process started without one of its three streams (a daemon, some batch systems) the null device for it.
+
+    Otherwise the next file opened gets the stream's number, and whatever a library prints ends in that file.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 (for the process)
 
 
 def receive_signals() -> None:

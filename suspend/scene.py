@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from suspend.box import edge_length, volume_fraction
 from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import Scene, SolverSettings, Suspension
-from suspend.errors import SuspendError
 from suspend.forces import pair_force
-
-THREADED_FROM = 2000  # spheres from which a second thread pays (benchmarks/bench_evaluation.py)
+from suspend.threads import start_threads
 
 
 @dataclass(frozen=True)
@@ -77,41 +73,12 @@ def make_scene(config, edge: float | None = None) -> Scene:
     )
 
 
-def threads_used(number: int, threads: int) -> int:
-    """Threads a scene of `number` spheres is cut into."""
-    return threads if number >= THREADED_FROM else 1
-
-
-_forked = False
-_FORKED = (
-    "this process was forked after its parent had computed: the threads of the kernels do not exist here and nothing "
-    'would be computed. Start processes with "spawn": multiprocessing.get_context("spawn").Pool(...), or '
-    'ProcessPoolExecutor(mp_context=multiprocessing.get_context("spawn")); or fork before the first computation'
-)
-
-
-def _after_fork() -> None:
-    """In the child: were the threads of the kernels running in the parent?"""
-    global _forked
-    try:
-        numba.threading_layer()
-    except ValueError:  # no parallel kernel has run
-        return
-    _forked = True
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_after_fork)
-
-
 def make_suspension(config, threads: int, edge: float | None = None) -> Suspension:
-    """The velocity field of a configuration. Raises SuspendError in a process forked after a computation."""
-    if _forked:
-        raise SuspendError(_FORKED)
+    """The velocity field of a configuration. Raises what `suspend.threads.start_threads` raises."""
     settings = SolverSettings(
         tolerance=config.solver.tolerance,
         far_tolerance=config.solver.far_tolerance or config.tolerance,
         max_iterations=config.solver.max_iterations,
     )
     number = config.particles.number
-    return Suspension(make_scene(config, edge), settings, number, threads_used(number, threads))
+    return Suspension(make_scene(config, edge), settings, number, start_threads(number, threads))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import math
 import os
@@ -12,9 +13,10 @@ from types import SimpleNamespace
 
 import pytest
 
+from suspend.io import Run
 from suspend.io.h5md import empty_file
 from suspend.io.table import CycleTable
-from suspend_cli.options import DurationType
+from suspend_cli.options import FEATURES, DurationType
 from suspend_cli.progress import Progress
 
 FORK = """
@@ -131,3 +133,51 @@ def test_what_does_not_exist_is_an_empty_cell():
     """eta_r of a quiescent block: no number, no NaN."""
     table = CycleTable("v.csv", lambda record: {"eta_r[-]": math.nan, "N1": 2.0})
     assert table.line({"index": 3})[1] == "3,,2.0\n"
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_commands_need_no_stream(tmp_path, closed):
+    """A daemon's process may have none: results are in the files, errors in the exit code, files hold no messages."""
+    (tmp_path / "c.yaml").write_text(
+        "{particles: {number: 4, volume_fraction: 0.1}, flow: {type: steady}, duration: {strain: 1.0}}"
+    )
+    python = f"{sys.executable} -m suspend_cli"
+
+    def shell(command):
+        return subprocess.run(["sh", "-c", f"{python} {command} {closed}"], cwd=tmp_path, timeout=120).returncode
+
+    assert shell("run c.yaml -o r") == 0
+    assert shell("analyze r --csv t.csv") == 0
+    assert (tmp_path / "t.csv").read_text().startswith("cycle,")
+    assert shell("info r") == 0
+    assert shell("analyze nowhere") == 4
+    with Run(tmp_path / "r") as stored:
+        assert stored.finished
+
+
+@pytest.mark.parametrize("layer", ["nonsense", "tbb"])
+def test_a_threading_layer_that_is_not_there(tmp_path, layer):
+    """One thread needs none and computes; more say which variable is wrong, exit code 2."""
+    if layer == "tbb" and importlib.util.find_spec("tbb"):
+        pytest.skip("TBB is installed")
+    (tmp_path / "c.yaml").write_text(
+        "{particles: {number: 2000, volume_fraction: 0.001}, flow: {type: steady}, duration: {strain: 0.01},"
+        " output: {samples_per_cycle: 2}}"
+    )
+    command = [sys.executable, "-m", "suspend_cli", "run", "c.yaml", "--set", "lubrication.enabled=false"]
+    environment = os.environ | {"NUMBA_THREADING_LAYER": layer, "NUMBA_NUM_THREADS": "2"}
+    for threads, code in (("1", 0), ("2", 2)):
+        done = subprocess.run(
+            [*command, "-o", f"r{threads}", "--threads", threads],
+            cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        assert done.returncode == code, done.stderr
+        assert "Traceback" not in done.stderr
+    assert f"NUMBA_THREADING_LAYER={layer}" in done.stderr
+
+
+def test_processor_features_are_names_with_signs():
+    """What LLVM takes passes; this pattern is all that stands before it."""
+    for good in ("+avx2", "+avx2,-avx512f", "+sse4.1"):
+        assert FEATURES.fullmatch(good)
+    assert not FEATURES.fullmatch("")

@@ -10,7 +10,7 @@ from suspend.conventions import COMPONENT_INDEX, ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import SolverSettings
 from suspend.hydro.neighbours import find_pairs
 from suspend.oneshot.scene import Method, PeriodicScene
-from suspend.scene import threads_used
+from suspend.threads import start_threads
 
 
 class Hydrodynamics:
@@ -22,7 +22,7 @@ class Hydrodynamics:
         method.check(scene)
         self.scene, self.method = scene, method
         self.position, self.tilt = scene.wrapped(), scene.reduced_tilt
-        self.threads = threads_used(scene.number, method.threads)
+        self.threads = start_threads(scene.number, method.threads)
         identity = method.far_field == "identity"
         self.drags = (1.0, 1.0 if identity else ROTATIONAL_DRAG)
         self.self_stresslet = 2.0 if identity else SELF_STRESSLET

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 
-import numba
 import numpy as np
 
 from suspend.analysis.dynamics import cyclic_diffusivity
@@ -25,7 +24,6 @@ class Simulation:
     def __init__(self, config: Config, threads: int, edge: float | None = None, flow: Flow | None = None):
         self.config, self.flow, self.units = config, flow or make_flow(config), make_units(config)
         self.suspension = make_suspension(config, threads, edge)
-        numba.set_num_threads(self.suspension.threads)  # idle threads would spin
         integrator, output = config.integrator, config.output
         settings = StepSettings(
             integrator.tolerance,
