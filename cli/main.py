@@ -14,6 +14,7 @@ from suspend_cli.plot import plot
 from suspend_cli.properties import properties
 from suspend_cli.report_page import report
 from suspend_cli.solve import solve
+from suspend_cli.sweep import sweep
 
 EPILOG = """
 \b
@@ -22,6 +23,7 @@ Examples:
   suspend run config.yaml              run it, or continue it where it stopped
   suspend analyze runs/config          moduli of every cycle
   suspend plot viscosity runs/*        figures by name
+  suspend sweep sweep.yaml             a family of runs, as often called as it takes
   suspend solve scene.npz              velocities of one configuration
   suspend properties --phi 0.4         viscosity, diffusion, sedimentation of packings
 
@@ -289,6 +291,7 @@ cli.add_command(properties)
 cli.add_command(export)
 cli.add_command(report)
 cli.add_command(plot)
+cli.add_command(sweep)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from suspend.box import edge_length
 from suspend.flow import Flow, make_flow
@@ -11,7 +12,9 @@ from suspend.forces import interaction_range, pair_force
 
 # measured at N = 500, phi = 0.40, cutoff 4 a (benchmarks/bench_evaluation.py, one core)
 SECONDS_PER_PAIR = 2.8e-7  # and velocity evaluation
-EVALUATIONS_PER_STRAIN = 90.0  # at integrator.tolerance 1e-3
+# at integrator.tolerance 1e-3, gamma0 0.1 to 3.2 to total strain 256: 329, 179, 104, 81, 63 to 74 a unit strain
+EVALUATIONS_PER_STRAIN = 65.0
+EVALUATIONS_PER_SAMPLE = 2.06  # where samples are closer together than steps would be
 BYTES_PER_PAIR = 400
 PRODUCTS = 6.0  # with the mobility in a warm solve (benchmarks/bench_coupled.py)
 SECONDS_AROUND = 4e-7  # and sphere: near field and orthogonalisation of one iteration
@@ -76,9 +79,14 @@ def _ewald(config, edge: float):
     """Parameters of the Ewald sum and of its inner iteration, None without far field."""
     if config.far_field != "ewald":
         return None
+    return _ewald_parameters(config.ewald, config.particles.number, edge)
+
+
+@cache  # a second each, and a sweep plans many runs of the same scene
+def _ewald_parameters(section, number: int, edge: float):
     from suspend.farfield import make_parameters
 
-    return make_parameters(config.ewald, config.ewald.tolerance, config.particles.number, edge)
+    return make_parameters(section, section.tolerance, number, edge)
 
 
 def _far_field_text(config, ewald) -> str:
@@ -108,8 +116,10 @@ def _estimates(config, flow: Flow, edge: float, reach: float, ewald) -> dict:
     number = config.particles.number
     pairs = 0.5 * number * number / edge**3 * 4.19 * max(reach**3 - 8.0, 0.0) if reach else 0.0
     strain = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
-    evaluations = strain * EVALUATIONS_PER_STRAIN * (1e-3 / config.integrator.tolerance) ** 0.4
-    evaluations += flow.cycles * config.output.samples_per_cycle * 0.3
+    evaluations = math.hypot(
+        strain * EVALUATIONS_PER_STRAIN * (1e-3 / config.integrator.tolerance) ** 0.4,
+        flow.cycles * config.output.samples_per_cycle * EVALUATIONS_PER_SAMPLE,
+    )
     sphere_stress = 48 * number * config.output.samples_per_cycle if config.output.particle_stress else 0
     products = evaluations * PRODUCTS if ewald is not None else 0.0
     far_seconds = ewald.accurate.seconds + SECONDS_AROUND * number if ewald is not None else 0.0

@@ -6,6 +6,7 @@ key, what was found and what is allowed.
 
 from __future__ import annotations
 
+import copy
 import difflib
 import math
 import os
@@ -28,7 +29,7 @@ def load(path: str | os.PathLike, overrides: Sequence[str] = ()) -> Config:
     Raises ConfigurationError (missing, a folder, no YAML, not valid), StorageError where it cannot be read.
     """
     path = Path(path)
-    return loads(_read(path), source=str(path), overrides=overrides, directory=str(path.parent))
+    return loads(read_text(path), source=str(path), overrides=overrides, directory=str(path.parent))
 
 
 def loads(text: str, source: str = "<string>", overrides: Sequence[str] = (), directory: str = ".") -> Config:
@@ -51,7 +52,19 @@ def from_dict(
     return _configure(from_python(data, source), Problems(source), overrides, directory)
 
 
-def _read(path: Path) -> str:
+def assemble(root: Item, assignments: Sequence[tuple[str, Item]], source: str, directory: str = ".") -> Config:
+    """Configuration of a tree with values put at dotted keys, which keep their own places in errors.
+
+    root : not changed; source : its name in errors. Raises ConfigurationError.
+    """
+    root, problems, assigned = copy.deepcopy(root), Problems(source), set()
+    for name, item in assignments:
+        _assign(root, name, copy.deepcopy(item), assigned, problems)
+    return _configure(root, problems, (), directory)
+
+
+def read_text(path: Path) -> str:
+    """Text of a configuration file. Raises ConfigurationError (missing, a folder, large, no UTF-8), StorageError."""
     try:
         if path.is_dir():
             raise ConfigurationError(f"{path}: is a folder; a configuration file (YAML) is needed")
@@ -74,8 +87,9 @@ def _read(path: Path) -> str:
 
 
 def _configure(root: Item, problems: Problems, overrides: Sequence[str], directory: str) -> Config:
+    assigned: set[str] = set()
     for override in overrides:
-        _override(root, override, problems)
+        _override(root, override, assigned, problems)
     reader = _Reader(problems)
     values = reader.root(root)
     check_consistency(values, reader.places, problems)
@@ -86,8 +100,8 @@ def _configure(root: Item, problems: Problems, overrides: Sequence[str], directo
     return Config(**values, directory=directory)
 
 
-def _override(root: Item, override: str, problems: Problems) -> None:
-    """Put "section.key=value" into the tree. It replaces the other key of an exclusive pair."""
+def _override(root: Item, override: str, assigned: set[str], problems: Problems) -> None:
+    """Put "section.key=value" into the tree."""
     name, equals, text = override.partition("=")
     name = name.strip()
     if not equals or not name:
@@ -99,6 +113,12 @@ def _override(root: Item, override: str, problems: Problems) -> None:
         problems.add("--set", name, f"found {text!r}; {str(error).partition(': ')[2]}")
         return
     item.where = "--set"
+    _assign(root, name, item, assigned, problems)
+
+
+def _assign(root: Item, name: str, item: Item, assigned: set[str], problems: Problems) -> None:
+    """Put an item at a dotted key. It replaces the other key of an exclusive pair, unless that is `assigned` too."""
+    assigned.add(name)
     section, dot, inner = name.partition(".")
     if not dot:
         root.value[name] = item
@@ -107,14 +127,14 @@ def _override(root: Item, override: str, problems: Problems) -> None:
     key = keys_of(part.cls).get(inner) if part else None
     if key is None:
         hint = _suggestion(inner, section) if part else _suggestion(name, "")
-        problems.add("--set", name, f"unknown key{hint}")
+        problems.add(item.where, name, f"unknown key{hint}")
         return
     parent = root.value.get(section)
     if parent is None or not isinstance(parent.value, dict):
-        parent = root.value[section] = Item({}, "--set", "")
+        parent = root.value[section] = Item({}, item.where, "")
     if key.group is not None and item.value is not None:
         for other, info in keys_of(part.cls).items():
-            if info.group == key.group and other in parent.value and parent.value[other].where != "--set":
+            if info.group == key.group and other in parent.value and f"{section}.{other}" not in assigned:
                 del parent.value[other]
     parent.value[inner] = item
 

@@ -71,15 +71,18 @@ class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict = {}  # noqa: RUF012 (the name and type PyYAML asks for)
 
 
-def parse(text: str, source: str, problems: Problems) -> Item | None:
-    """Tree of a YAML text, None if it is empty. Raises ConfigurationError where it is no YAML."""
+def parse(text: str, source: str, problems: Problems, deepest: int = DEPTH) -> Item | None:
+    """Tree of a YAML text, None if it is empty. Raises ConfigurationError where it is no YAML.
+
+    deepest : levels of nesting allowed; beyond them a problem is noted.
+    """
     try:
         node = yaml.compose(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ConfigurationError(_syntax_error(error, source)) from None
     except RecursionError:
         raise ConfigurationError(f"{source}: nested too deeply for a configuration") from None
-    return None if node is None else _from_node(node, source, problems, depth=0)
+    return None if node is None else _from_node(node, source, problems, deepest)
 
 
 def from_python(value: Any, where: str, depth: int = 0) -> Item:
@@ -119,9 +122,9 @@ def scalar(text: str) -> bool | int | float | str | None:
         return text
 
 
-def _from_node(node: yaml.Node, source: str, problems: Problems, depth: int) -> Item | None:
+def _from_node(node: yaml.Node, source: str, problems: Problems, left: int) -> Item | None:
     line = source if source.startswith("--") else f"{source}:{node.start_mark.line + 1}"
-    if depth > DEPTH:
+    if left < 0:
         problems.add(line, "", "nested too deeply for a configuration")
         return None
     tag = node.tag.replace("tag:yaml.org,2002:", "!!")
@@ -132,12 +135,12 @@ def _from_node(node: yaml.Node, source: str, problems: Problems, depth: int) -> 
         value = scalar(node.value) if node.style is None else node.value
         return Item(value, line, node.value)
     if isinstance(node, yaml.SequenceNode):
-        items = [_from_node(child, source, problems, depth + 1) for child in node.value]
+        items = [_from_node(child, source, problems, left - 1) for child in node.value]
         return Item([item for item in items if item is not None], line, "")
-    return Item(_mapping(node, source, problems, depth), line, "")
+    return Item(_mapping(node, source, problems, left), line, "")
 
 
-def _mapping(node: yaml.MappingNode, source: str, problems: Problems, depth: int) -> dict[str, Item]:
+def _mapping(node: yaml.MappingNode, source: str, problems: Problems, left: int) -> dict[str, Item]:
     items: dict[str, Item] = {}
     first: dict[str, int] = {}
     for name, child in node.value:
@@ -151,7 +154,7 @@ def _mapping(node: yaml.MappingNode, source: str, problems: Problems, depth: int
             problems.add(line, name.value, message)
             continue
         first[name.value] = number
-        item = _from_node(child, source, problems, depth + 1)
+        item = _from_node(child, source, problems, left - 1)
         if item is not None:
             item.where = line  # of the key: a value may begin lines below it
             items[name.value] = item

@@ -200,11 +200,15 @@ def remove_temporaries(directory: Path) -> None:
         stale.unlink(missing_ok=True)
 
 
+class InUseError(StorageError):
+    """Another process holds the lock of a folder (exit code 4)."""
+
+
 class DirectoryLock:
     """Exclusive use of a run directory, by flock on `run.lock`; the kernel releases it when the process dies.
 
     The file stays behind (removing a lock file is a race); its content names the last holder.
-    Raises StorageError when another process holds it. `note` tells when the file system has no locks.
+    Raises InUseError, a StorageError, when another process holds it. `note` tells when the file system has no locks.
     """
 
     NAME = "run.lock"
@@ -228,7 +232,7 @@ class DirectoryLock:
                 break
             except BlockingIOError as error:
                 if time.monotonic() > deadline:
-                    raise StorageError(
+                    raise InUseError(
                         f"{path.parent} is in use by another run ({_holder_text(path)}): wait for it, "
                         "stop it, or choose another output directory"
                     ) from error
@@ -251,9 +255,9 @@ class DirectoryLock:
             self._descriptor = -1
 
 
-def holder(directory: Path) -> str | None:
-    """Who is writing in `directory` ("pid 17 on host"), or None."""
-    path = directory / DirectoryLock.NAME
+def holder(directory: Path, name: str = DirectoryLock.NAME) -> str | None:
+    """Who is writing in `directory` ("pid 17 on host"), or None; `name` is that of the lock."""
+    path = directory / name
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except OSError:

@@ -13,7 +13,7 @@ from suspend.analysis.rheology import block_row, cycle_row
 from suspend.config import Config, loads
 from suspend.errors import ConfigurationError, StorageError
 from suspend.flow import Flow, continued_flow, make_flow, rate_scale
-from suspend.initial import prepare_initial
+from suspend.initial import InitialConfiguration, prepare_initial
 from suspend.io import CycleTable, Run, RunStore, holds_run
 from suspend.scene import make_units
 from suspend.simulation.in_memory import Simulation
@@ -32,12 +32,14 @@ def run(
     max_time: float | None = None,
     progress: Callable | None = None,
     message: Callable[[str], None] | None = None,
+    prepare: Callable[[Config], InitialConfiguration] | None = None,
 ) -> Summary:
     """Run a configuration into `directory`, or continue, or extend what is there.
 
     resume : True = only continue an existing run; None = start, or continue a run of the same configuration (the
     duration may be longer). threads : default all cores. max_time : seconds. progress(state), message(text) : optional
-    callbacks. Raises ConfigurationError, NumericalError, StorageError, Interrupted (after writing a checkpoint).
+    callbacks. prepare : makes the start of a new run (default: `prepare_initial`). Raises ConfigurationError,
+    NumericalError, StorageError, Interrupted (after writing a checkpoint).
     """
     started = time.monotonic()
     say = message or (lambda text: None)
@@ -47,7 +49,11 @@ def run(
     if resume and not exists:
         raise StorageError(f"{directory} holds no run to resume: leave out --resume to start one")
     with Stop(max_time) as stop:
-        simulation, store = (_continue if exists else _start)(config, directory, threads, say)
+        if exists:
+            simulation, store = _continue(config, directory, threads, say)
+        else:
+            initial = prepare(config) if prepare else prepare_initial(config, config.directory)
+            simulation, store = _start(config, directory, threads, say, initial)
         with store:
             session = Session(simulation, store, stop, progress, started)
             session.go()
@@ -71,8 +77,9 @@ def _table(config: Config) -> CycleTable:
     return CycleTable("viscosity.csv", lambda record: block_row(record, scales))
 
 
-def _start(config: Config, directory: Path, threads: int, say) -> tuple[Simulation, RunStore]:
-    initial = prepare_initial(config, config.directory)
+def _start(
+    config: Config, directory: Path, threads: int, say, initial: InitialConfiguration
+) -> tuple[Simulation, RunStore]:
     simulation = Simulation(config, threads, initial.length)
     simulation.start(initial.positions, initial.tilt)
     store = RunStore.create(directory, config.to_yaml(), provenance(config, initial, threads), _table(config))

@@ -1,0 +1,104 @@
+"""One call of a sweep: check everything, see what is left, compute it until it is done or time is up."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from suspend.errors import NumericalError
+from suspend.sweep.file import Sweep, read_sweep
+from suspend.sweep.folder import Folder, at_work, failure_text, is_complete, read_record, write_record
+from suspend.sweep.points import Point, check_points, resolve
+
+
+@dataclass
+class Call:
+    """A sweep as this call finds it: nothing has been started or written yet."""
+
+    sweep: Sweep
+    folder: Folder
+    points: list[Point]
+    places: dict[str, Path]
+    former: list[str]  # folders whose points are not in the file any more
+    left: list[Point] = field(default_factory=list)  # not complete
+
+    @property
+    def done(self) -> int:
+        """Number of complete points."""
+        return len(self.points) - len(self.left)
+
+    def look(self) -> None:
+        """See again what is complete: another call may have been at work."""
+        self.left = [point for point in self.left if not is_complete(self.places[point.key], point.config)]
+
+    @property
+    def changed(self) -> bool:
+        """Whether points have gone from the file since the last call."""
+        return self.former != self.folder.manifest().get("no_longer_in_the_file", [])
+
+
+def prepare(file: str | Path, folder: str | Path | None = None) -> Call:
+    """Read and check a sweep file and look at its folder (default: runs/NAME of NAME.yaml); changes nothing.
+
+    Raises ConfigurationError, StorageError.
+    """
+    sweep = read_sweep(file)
+    points = resolve(sweep)
+    folder = Folder(folder if folder is not None else Path("runs") / Path(file).stem)
+    places, former = folder.place(points)
+    left = [point for point in points if not is_complete(places[point.key], point.config)]
+    return Call(sweep, folder, points, places, former, left)
+
+
+def open_call(call: Call, retry_failed: bool = False) -> None:
+    """Write what the sweep is into its folder, with the lock held. Raises StorageError."""
+    entries = [
+        {"folder": call.places[p.key].name, "key": p.key, "parameters": p.parameters, "seed": p.seed}
+        for p in call.points
+    ]
+    call.folder.write_manifest(call.sweep.source, entries, call.former, call.sweep.retries)
+    if retry_failed:
+        for point in call.left:
+            folder = call.places[point.key]
+            record = read_record(folder)
+            if record.failures:
+                write_record(folder, replace(record, failures=0))
+
+
+def is_due(call: Call, retry_failed: bool = False) -> bool:
+    """Whether there is something to compute. Raises NumericalError where only failed points are left."""
+    if retry_failed or not call.left:
+        return bool(call.left)
+    records = {point.key: read_record(call.places[point.key]) for point in call.left}
+    failed = [p for p in call.left if records[p.key].failures > call.sweep.retries]
+    if len(failed) < len(call.left):
+        return True
+    messages = [(call.places[p.key].name, records[p.key].message) for p in failed]
+    raise NumericalError(failure_text(messages, len(call.points)))
+
+
+def compute(
+    call: Call,
+    workers: int | None = None,
+    max_time: float | None = None,
+    event: Callable | None = None,
+    report: Callable | None = None,
+) -> None:
+    """Compute what is left on this machine; the sweep's lock must be held. Raises as `LocalSweep`."""
+    from suspend.sweep.local import LocalSweep
+    from suspend.sweep.machine import cores, free_memory
+    from suspend.sweep.prediction import check_memory, make_tasks
+
+    check_points(call.left)
+    tasks = make_tasks(call.left, call.places)
+    memory = call.sweep.memory or free_memory()
+    check_memory(tasks, memory)
+    local = LocalSweep(call.folder, workers or call.sweep.workers or cores(), memory, call.sweep.retries)
+    local.event, local.report = event or local.event, report or local.report
+    local.go(tasks, call.done, max_time)
+
+
+def abandoned(call: Call) -> list[str]:
+    """Points at which a process of an earlier call is still at work."""
+    return [p.name for p in call.left if at_work(call.places[p.key])]
