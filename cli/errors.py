@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import sys
 import traceback
@@ -16,6 +17,7 @@ from suspend.errors import Interrupted, NumericalError, StorageError, SuspendErr
 def guarded(cli: click.Command, arguments: list[str] | None) -> NoReturn:
     """Run `cli` and exit: 0, or 2 usage, the code of a SuspendError, 130 interrupted, 1 a defect of ours."""
     code = 1
+    _accept_any_name()
     try:
         code = cli.main(args=arguments, prog_name="suspend", standalone_mode=False)
         code = code if isinstance(code, int) else 0
@@ -42,6 +44,12 @@ def guarded(cli: click.Command, arguments: list[str] | None) -> NoReturn:
     with contextlib.suppress(OSError):
         sys.stderr.flush()
     sys.exit(code)
+
+
+def _accept_any_name() -> None:
+    """Print names of files that are no text byte for byte, as `ls` does; Python alone would refuse them."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="surrogateescape")
 
 
 def _complain(message: str, code: int) -> int:

@@ -35,3 +35,8 @@ class Interrupted(SuspendError):
     """The run was stopped by a signal or a time limit; a checkpoint was written (exit code 130)."""
 
     exit_code = 130
+
+
+def named(path: object, error: Exception) -> str:
+    """The message of an error about `path`, with the path in front where it does not say it itself."""
+    return str(error) if str(path) in str(error) else f"{path}: {error}"

@@ -14,9 +14,10 @@ import numpy as np
 from suspend.analysis.quantity import Quantity
 from suspend.analysis.relaxation import Relaxation
 from suspend.analysis.run_paths import find_runs
+from suspend.analysis.samples import read_seed
 from suspend.analysis.steady import steady_average
 from suspend.analysis.summary import Analysis, analyze_run
-from suspend.errors import ConfigurationError, StorageError
+from suspend.errors import ConfigurationError, SuspendError, named
 from suspend.io import Run
 
 QUANTITIES = ("eta_r_prime", "minus_eta3_over_eta1", "minus_N2_nu0", "nu4_over_nu2", "D_cyc", "N1_nu0")
@@ -133,9 +134,9 @@ class Collection(Quantity):
         try:
             with Run(path) as run:
                 analysis = analyze_run(run, None, str(path))
-                config, finished = run.config, run.finished
-        except StorageError as error:
-            self._notes.append(f"left out: {error}")
+                config, finished, seed = run.config, run.finished, read_seed(run)
+        except SuspendError as error:  # damaged, or its samples are not finite: one run does not hide the others
+            self._notes.append(f"left out: {named(path, error)}")
             return None
         why = None
         if not analysis.oscillatory:
@@ -145,7 +146,7 @@ class Collection(Quantity):
         if why is None:
             ends = np.flatnonzero(analysis.total_strain <= (self.strain or math.inf) * (1.0 + 1e-9))
             if ends.size:
-                return _member(analysis, config, finished, len(ends), self.last)
+                return _member(analysis, config | {"seed": seed}, finished, len(ends), self.last)
             why = f"its first cycle ends beyond total strain {self.strain:g}"
         self._notes.append(f"left out: {path}: {why}")
         return None
@@ -228,7 +229,7 @@ def _member(analysis: Analysis, config: Mapping, finished: bool, cycles: int, la
         phi=scales["volume_fraction"],
         gamma0=scales["gamma0"],
         number=int(scales["number"]),
-        seed=int(config.get("seed", 0)),
+        seed=config["seed"],
         cycles=cycles,
         finished=finished,
         last=window,

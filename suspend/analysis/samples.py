@@ -13,6 +13,7 @@ from suspend.errors import ConfigurationError, StorageError
 from suspend.io import Run
 
 _SAMPLE_FIELDS = ("time", "strain", "rate", "phase", "stress_fluid", *("stress_" + part for part in PARTS))
+_NEEDED = ("time", "strain", "rate", "phase", "stress_fluid", "stress_hydrodynamic", "stress_interparticle")
 _CHUNK = 32  # cycles read at a time
 
 
@@ -32,12 +33,28 @@ def read_scales(run: Run) -> tuple[str, dict[str, float]]:
             scales |= {"gamma0": flow["amplitude"], "omega": omega, "phase": flow["phase"]}
         else:
             scales["rate"] = flow["rate"]
-        return flow["type"], {name: int(v) if name == "number" else float(v) for name, v in scales.items()}
-    except (KeyError, TypeError, ValueError) as error:
-        raise StorageError(
-            f"the configuration stored with the run {getattr(run, 'path', '')} is not usable ({error!r}): "
-            "it was not written by this version of suspend, or was changed"
-        ) from error
+        scales = {name: int(v) if name == "number" else float(v) for name, v in scales.items()}
+        for name, value in scales.items():
+            if not math.isfinite(value) or (name not in ("phase", "rate") and value <= 0.0):
+                raise ValueError(f"{name} = {value:g}")
+        return str(flow["type"]), scales
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise _unusable(run, error) from error
+
+
+def read_seed(run: Run) -> int:
+    """Seed of the run, 0 where none is stored. Raises StorageError where it is no number."""
+    try:
+        return int(run.config.get("seed") or 0)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise _unusable(run, error) from error
+
+
+def _unusable(run: Run, error: Exception) -> StorageError:
+    return StorageError(
+        f"the configuration stored with the run {getattr(run, 'path', '')} is not usable ({error!r}): "
+        "it was not written by this version of suspend, or was changed"
+    )
 
 
 def oscillatory_scales(run: Run) -> dict[str, float]:
@@ -69,9 +86,18 @@ def default_window(cycles: int) -> int:
 
 
 def cycle_samples(run: Run, first: int = 0, last: int | None = None) -> Iterator[dict[str, Any]]:
-    """Time series of complete cycles first to last (exclusive, default all); positions are not read."""
+    """Time series of complete cycles first to last (exclusive, default all); positions are not read.
+
+    Raises StorageError where one of them is missing.
+    """
     last = run.cycles if last is None else last
     names = [name for name in _SAMPLE_FIELDS if last > first and name in run.fields]
+    missing = [name for name in _NEEDED if last > first and name not in names]
+    if missing:
+        raise StorageError(
+            f"{run.path}: {', '.join(missing)} is missing, which every run stores; restore the file from a copy, or "
+            "start the run anew"
+        )
     for begin in range(first, last, _CHUNK):
         end = min(begin + _CHUNK, last)
         series = {name: run.series(name, begin, end) for name in names}

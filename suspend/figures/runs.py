@@ -11,8 +11,8 @@ from pathlib import Path
 
 from suspend.analysis.collection import Collection
 from suspend.analysis.run_paths import find_runs
-from suspend.analysis.samples import read_scales
-from suspend.errors import ConfigurationError, StorageError
+from suspend.analysis.samples import read_scales, read_seed
+from suspend.errors import ConfigurationError, SuspendError, named
 from suspend.io import Run
 
 _SAME = 1e-6  # relative: parameters closer than this are equal
@@ -118,11 +118,11 @@ def open_runs(paths: Iterable[os.PathLike | str], last: int | None = None) -> Ru
     for path in found:
         try:
             members.append(_member(path))
-        except StorageError as error:
-            problems.append(error)
+        except SuspendError as error:
+            problems.append((path, error))
     if not members:
-        raise problems[0]
-    notes = [f"left out: {error}" for error in problems]
+        raise problems[0][1]
+    notes = [f"left out: {named(path, error)}" for path, error in problems]
     if any(m.cycles for m in members):
         notes += [f"left out: {m.path}: it has no complete cycle" for m in members if not m.cycles]
         members = [m for m in members if m.cycles]
@@ -133,7 +133,7 @@ def _member(path: Path) -> Member:
     with Run(path) as run:
         flow, scales = read_scales(run)
         config = run.config
-        return Member(path, flow, scales, config.get("far_field") == "ewald", int(config.get("seed") or 0), run.cycles)
+        return Member(path, flow, scales, config.get("far_field") == "ewald", read_seed(run), run.cycles)
 
 
 def oscillatory(runs: Runs) -> Runs:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,6 @@ def describe(path: os.PathLike | str) -> dict[str, Any]:
     with Run(path) as run:
         last = run.stored
         samples = {n: run.series(n, last - 1)[-1].item() if last else None for n in ("time", "strain")}
-        files = [p for p in path.iterdir() if p.is_file()] if path.is_dir() else [path]
         return {
             "path": str(path),
             "run_id": run.run_id,
@@ -38,13 +38,22 @@ def describe(path: os.PathLike | str) -> dict[str, Any]:
             "samples": run.n_samples,
             "frames": run.n_frames,
             **samples,
-            "bytes": sum(p.stat().st_size for p in files),
+            "bytes": _size(path),
             "fields": run.fields if last else [],
             "statistics": _summary(run.statistics()),
             "checkpoint": _checkpoint(path / CHECKPOINT) if path.is_dir() else None,
             "meta": run.meta,
             "config_yaml": run.config_yaml,
         }
+
+
+def _size(path: Path) -> int:
+    """Bytes on disk; files that a run going on removes meanwhile have none."""
+    total = 0
+    for file in path.iterdir() if path.is_dir() else [path]:
+        with suppress(FileNotFoundError):
+            total += file.stat().st_size if file.is_file() else 0
+    return total
 
 
 def _summary(columns: dict[str, np.ndarray]) -> dict[str, float]:
@@ -67,4 +76,5 @@ def _checkpoint(path: Path) -> dict | None:
     except StorageError as error:
         return {"problem": str(error)}
     partial = content["partial"]
-    return {"cycles": content["cycles"], "partial_samples": len(partial["time"]) if partial else 0}
+    # of a begun cycle: its index, and the rows recorded so far (none right at its start)
+    return {"cycles": content["cycles"], "partial_samples": len(partial["rows"].get("time", ())) if partial else 0}

@@ -18,6 +18,8 @@ from suspend.io.trajectory import TrajectoryFile
 
 TRAJECTORY, CHECKPOINT, JOURNAL = "trajectory.h5", "checkpoint.npz", "cycles.journal"
 
+_SECTIONS = ("particles", "fluid", "flow", "duration", "output", "integrator", "solver")  # mappings in every run
+
 
 class Run:
     """The stored part of a run, opened from its directory or from a trajectory file alone.
@@ -98,6 +100,9 @@ class Run:
             raise StorageError(f"{self.path}: the stored configuration is no valid YAML ({error})") from error
         if not isinstance(tree, dict):
             raise StorageError(f"{self.path}: the stored configuration is no mapping")
+        wrong = [name for name in _SECTIONS if not isinstance(tree.get(name, {}), dict)]
+        if wrong:
+            raise StorageError(f"{self.path}: the stored configuration is damaged: {wrong[0]} holds no keys")
         return tree
 
     @property

@@ -12,11 +12,12 @@ import numpy as np
 from suspend.conventions import FORMAT_VERSION
 from suspend.errors import StorageError
 from suspend.io import h5md
+from suspend.io.consistency import contradiction
 from suspend.io.files import storage_errors
 
 
 class TrajectoryFile:
-    """An open trajectory file. Raises StorageError: absent, damaged, foreign, of a newer format."""
+    """An open trajectory file. Raises StorageError: absent, damaged, foreign, newer format, contradictory contents."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -42,6 +43,12 @@ class TrajectoryFile:
         self.config_yaml = h5md.get_configuration(self._file)
         self.meta = h5md.read_meta(parameters["meta"])
         self.number, self.length = int(self.meta["number"]), float(self.meta["L"])
+        what = contradiction(self._file, self.number, self.length)
+        if what:
+            raise StorageError(
+                f"{self.path}: its contents contradict each other: {what}; restore the file from a copy, or start the "
+                "run anew"
+            )
         self.index, self.complete, self.sample_end, self.frame_end = (
             self._file[f"cycles/{name}"][:] for name in ("index", "complete", "sample_end", "frame_end")
         )
@@ -131,6 +138,10 @@ class TrajectoryFile:
         self._file.close()
 
 
+# what h5py raises, or what follows where it returns something else than was written (a group for a dataset)
+_DAMAGE = (OSError, RuntimeError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError)
+
+
 class _Reading:
     def __init__(self, path: Path):
         self._path = path
@@ -139,7 +150,7 @@ class _Reading:
         return None
 
     def __exit__(self, kind, error, trace) -> None:
-        if isinstance(error, (OSError, RuntimeError, KeyError, ValueError, TypeError)):
+        if isinstance(error, _DAMAGE):
             raise StorageError(f"{self._path} is damaged or no trajectory of suspend ({error})") from error
 
 

@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 
 import suspend
-from suspend.errors import ConfigurationError, StorageError, SuspendError
+from suspend.errors import ConfigurationError, StorageError, SuspendError, named
 from suspend.io.files import replace_text, storage_errors
 from suspend.report import tables
 from suspend.report.drawing import figures_of
@@ -52,15 +52,10 @@ def write_report(
         raise failed[0][1] if len(failed) == 1 else StorageError(
             f"none of the {len(failed)} runs can be read; the first: {failed[0][1]}"
         )
-    page = _page(title or _title(rows), rows, sections, [_named(path, error) for path, error in failed])
+    page = _page(title or _title(rows), rows, sections, [named(path, error) for path, error in failed])
     with storage_errors("write", target):
         replace_text(target, page)
-    return [f"left out: {_named(path, error)}" for path, error in failed]
-
-
-def _named(path: Path, error: SuspendError) -> str:
-    """The message with the run's name, which most have."""
-    return str(error) if str(path) in str(error) else f"{path}: {error}"
+    return [f"left out: {named(path, error)}" for path, error in failed]
 
 
 def _unique(runs: Iterable[os.PathLike | str]) -> list[Path]:
