@@ -134,3 +134,26 @@ def status_of_sweep(path, output, as_json) -> None:
         click.echo(to_json(found))
         return
     click.echo("\n".join(status_lines(found)))
+
+
+@sweep.command("collect")
+@click.argument("path", metavar="SWEEP", type=Place())
+@click.option("-o", "--output", type=Place(), metavar="FILE", help="Table: .csv or .h5. [default: CSV to stdout]")
+@click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
+@quiet_option
+def collect_sweep(path, output, last, quiet) -> None:
+    """Write one table of all points: parameters, seed, every analysed quantity with its error, run time, state.
+
+    SWEEP is the folder of a sweep, or its file. Points that are not complete have what there is of them.
+    """
+    from suspend.sweep.collect import check_format, collect, table_text, write_table
+
+    if output not in (None, "-"):
+        check_format(output)
+    rows = collect(path, last, lambda text: None if quiet else click.echo(text, err=True))
+    if output in (None, "-"):
+        click.echo(table_text(rows), nl=False)
+        return
+    write_table(rows, output)
+    if not quiet:
+        click.echo(f"{len(rows)} points written to {output}", err=True)

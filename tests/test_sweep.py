@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import random
@@ -13,9 +14,11 @@ import sys
 import time
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
+from suspend.analysis.summary import analyze
 from suspend.config import loads
 from suspend.errors import ConfigurationError
 from suspend.initial import prepare_initial
@@ -261,6 +264,38 @@ def test_status_of_folder_and_file(complete):
     assert "4 complete" in table and "4.8/4.8" in table
     nothing = sweep(complete, "status", complete)
     assert nothing.returncode == 4 and "holds no sweep" in nothing.stderr
+
+
+def test_collect_writes_one_row_a_point(tmp_path, complete):
+    """Parameters, state and what `analyze` says of the run, as CSV and HDF5; kept analyses give the same again."""
+    assert sweep(complete, "collect", "runs/s", "-o", tmp_path / "t.csv").returncode == 0
+    rows = list(csv.DictReader((tmp_path / "t.csv").open()))
+    assert [row["point"] for row in rows] == [p.name for p in resolve(read_sweep(complete / "s.yaml"))]
+    for row in rows:
+        averages = analyze(complete / "runs/s" / row["point"]).averages()
+        assert float(row["eta_r_prime[-]"]) == pytest.approx(averages["eta_r_prime[-]"]["mean"], rel=1e-9)
+        assert row["flow.amplitude"] in row["point"] and row["state"] == "complete" and row["seed"] == "1"
+        assert float(row["minus_N2_nu0[eta0]"]) == pytest.approx(-averages["N2_nu0[eta0]"]["mean"], rel=1e-6, abs=1e-9)
+        assert float(row["run_time[s]"]) > 0 and float(row["position_error[a]"]) > 0
+        assert float(row["structure_smallest_gap[a]"]) > 0
+    again = sweep(complete, "collect", "s.yaml")
+    assert again.stdout == (tmp_path / "t.csv").read_text() and again.stderr == ""
+    assert sweep(complete, "collect", "runs/s", "-q", "-o", tmp_path / "t.h5").returncode == 0
+    with h5py.File(tmp_path / "t.h5") as file:
+        np.testing.assert_allclose(file["eta_r_prime"], [float(row["eta_r_prime[-]"]) for row in rows], rtol=1e-9)
+        assert file["state"].asstr()[0] == "complete"
+    refused = sweep(complete, "collect", "runs/s", "-o", tmp_path / "t.txt")
+    assert refused.returncode == 2 and ".csv or .h5" in refused.stderr
+
+
+def test_collect_has_a_row_for_points_that_have_not_begun(tmp_path, complete):
+    """Their parameters and state, nothing else."""
+    shutil.copytree(complete, tmp_path, dirs_exist_ok=True)
+    written(tmp_path, FOUR.replace("[0.3, 0.6]", "[0.3, 0.6, 0.9]"))
+    rows = list(csv.DictReader(sweep(tmp_path, "collect", "s.yaml").stdout.splitlines()))
+    waiting = [row for row in rows if row["state"] == "waiting"]
+    assert len(rows) == 6 and [row["flow.amplitude"] for row in waiting] == ["0.9", "0.9"]
+    assert all(row["eta_r_prime[-]"] == "" for row in waiting)
 
 
 def test_dry_run_prints_predictions_and_starts_nothing(tmp_path, complete):
