@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.backend import load_matplotlib
 from suspend.errors import ConfigurationError
 from suspend.io.files import replace_atomically, storage_errors
 
@@ -69,6 +70,7 @@ def plot_first_figure(analysis: Analysis, path: os.PathLike | str) -> None:
     path = check_figure_path(path)
     if not len(analysis.values):
         raise ConfigurationError(f"nothing to draw for {analysis.path}: {'; '.join(analysis.notes)}")
+    load_matplotlib()
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

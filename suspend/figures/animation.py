@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.backend import load_matplotlib
 from suspend.errors import ConfigurationError
 from suspend.figures.cell import Picture, colour_limits, draw_cell, picture_table, pictures
 from suspend.figures.panel import Columns
@@ -47,6 +48,7 @@ class Animation:
 
     def write(self, path: Path) -> None:
         """Write a GIF or an MP4, by the suffix; atomic. ConfigurationError where MP4 needs ffmpeg, StorageError."""
+        load_matplotlib()
         from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
         kind = path.suffix.lower()[1:]

@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.backend import load_matplotlib
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -61,6 +63,7 @@ STYLE = {
 @contextmanager
 def journal() -> Iterator[None]:
     """matplotlib in this style inside the block, whatever the user's own settings."""
+    load_matplotlib()
     import matplotlib
 
     logging.getLogger("fontTools").setLevel(logging.ERROR)  # it remarks on dates inside the fonts that a PDF takes in

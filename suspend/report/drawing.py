@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.backend import load_matplotlib
 from suspend.figures.style import BLACK, BLUE, GREEN, GREY, PALETTE, VERMILION, journal, log_axis_of, say, zero_lines
 from suspend.report.examine import Examined
 
@@ -25,6 +26,7 @@ _STRESS = r"$\sigma_{xy}/\eta_0\gamma_0\omega$"
 
 def figure(draw: Callable[[Axes], None], title: str, caption: str) -> str:
     """A figure element: what `draw` draws, as an SVG (or PNG) inside the page; title and caption are HTML."""
+    load_matplotlib()
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
