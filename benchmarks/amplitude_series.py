@@ -1,6 +1,7 @@
 """Amplitude series of the paper at one volume fraction, near field only, to total strain 256.
 
-    python benchmarks/amplitude_series.py OUT [--phi 0.4] [--seed 1] [--strain 256] [--amplitudes 0.1 0.2 ...]
+    python benchmarks/amplitude_series.py OUT [--phi 0.4] [--seed 1] [--strain 256]
+        [--start quenched] [--amplitudes 0.1 0.2 ...]
 
 Runs (or continues) `configs/paper.yaml` for every amplitude from the same starting configuration into OUT and
 writes OUT/series.csv: amplitude, moduli averaged over the last cycles, first and last D_cyc, evaluations,
@@ -51,6 +52,7 @@ def main() -> None:
     parser.add_argument("--phi", type=float, default=0.4)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--strain", type=float, default=256.0)
+    parser.add_argument("--start", default="quenched", help="particles.initial: quenched or equilibrium")
     parser.add_argument("--amplitudes", type=float, nargs="+", default=AMPLITUDES)
     arguments = parser.parse_args()
     rows = []
@@ -58,6 +60,7 @@ def main() -> None:
         config = load(
             PAPER,
             [
+                f"particles.initial={arguments.start}",
                 f"flow.amplitude={amplitude}",
                 f"particles.volume_fraction={arguments.phi}",
                 f"seed={arguments.seed}",

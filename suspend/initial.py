@@ -1,4 +1,4 @@
-"""Starting configurations: a random packing, or read from GSD, extended XYZ, npz or a run of ours.
+"""Starting configurations: a packing made here, or read from GSD, extended XYZ, npz or a run of ours.
 
 Whatever the source, positions come out wrapped into the cell (L,0,0), (tilt L, L, 0), (0,0,L) with its
 corner at the origin and tilt in [-1/2, 1/2).
@@ -14,7 +14,7 @@ import numpy as np
 
 from suspend.box import wrap
 from suspend.configuration_files import READERS, RawFrame, read_run, unreadable, unusable
-from suspend.packing import Packing, random_packing
+from suspend.packing import PACKINGS, Packing
 from suspend.structure import smallest_distance
 
 if TYPE_CHECKING:
@@ -33,10 +33,10 @@ class InitialConfiguration(NamedTuple):
     length: float  # L
     tilt: float  # in [-1/2, 1/2)
     radius: float | None  # of the spheres, where the file says so; 1 from `prepare_initial`
-    source: str  # the path, or "random"
+    source: str  # the path, or the kind of packing
     minimum_gap: float | None = None  # radii, over all pairs and images; None from `load_configuration`
     closest_pair: tuple[int, int] | None = None  # the spheres it is between, counted from 0
-    packing: Packing | None = None  # the report of a random packing
+    packing: Packing | None = None  # the report of a packing made here
 
 
 def load_configuration(path: str | Path, frame: int = -1) -> InitialConfiguration:
@@ -69,20 +69,21 @@ def load_configuration(path: str | Path, frame: int = -1) -> InitialConfiguratio
 def prepare_initial(config: Config, base_directory: str | Path = ".") -> InitialConfiguration:
     """The starting configuration that `config.particles` asks for, lengths in sphere radii.
 
-    'random' makes a `random_packing` with config.seed. Otherwise `particles.initial` is a path relative to
-    `base_directory`; its lengths are divided by the radius the file gives, else by particles.radius; number
-    and volume fraction must be those of the configuration (to 1e-4; the file's own cell is kept).
+    'equilibrium' and 'quenched' make a packing of `suspend.packing` with config.seed. Otherwise `particles.initial` is
+    a path relative to `base_directory`; its lengths are divided by the radius the file gives, else by
+    particles.radius; number and volume fraction must be those of the configuration (to 1e-4; the file's own cell is
+    kept).
     Raises ConfigurationError where they are not, where centres coincide, and where spheres overlap although
     lubrication (not frozen by lubrication.minimum_gap) has no meaning there and no contact term is on.
     """
     particles = config.particles
-    if particles.initial == "random":
-        packing = random_packing(
+    if particles.initial in PACKINGS:
+        packing = PACKINGS[particles.initial](
             particles.number, particles.volume_fraction, particles.minimum_gap, config.seed
         )
         gap, first, second = smallest_distance(packing.positions, packing.length)
         return InitialConfiguration(
-            packing.positions, packing.length, 0.0, 1.0, "random", gap - 2.0, (first, second), packing
+            packing.positions, packing.length, 0.0, 1.0, packing.kind, gap - 2.0, (first, second), packing
         )
     loaded = load_configuration(Path(base_directory) / particles.initial, particles.frame)
     radius = loaded.radius if loaded.radius is not None else particles.radius

@@ -23,6 +23,10 @@ GRID_BYTES = 104  # at most, a grid point of an Ewald sum (`suspend.hydro.ewald.
 FAR_PAIR_BYTES = 320  # a pair of the neighbour list that reaches the Ewald cutoff
 COARSE_PRODUCTS = 12.0  # with the mobility of the inner iteration, where there is one
 BASE_MB = 200  # interpreter, libraries and compiled kernels
+START = {
+    "equilibrium": "equilibrium packing: a fluid of hard spheres, a glass above freezing",
+    "quenched": "quenched packing: random points pushed apart",
+}
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def make_plan(config) -> Plan:
         ("contact", f"on: spring {config.contact.stiffness:g} F_stk/a" if config.contact is not None else "off"),
         ("external", f"force {config.external.force}, torque {config.external.torque}"
          if config.external is not None else "off"),
-        ("start", "random packing" if particles.initial == "random" else str(particles.initial)),
+        ("start", START.get(particles.initial, str(particles.initial))),
         ("steps", f"{config.integrator.method}, tolerance {config.integrator.tolerance:g}"
          if config.integrator.step is None else f"{config.integrator.method}, fixed {config.integrator.step:g}"),
         ("velocity solve", f"near field alone, tolerance {config.solver.tolerance:g}" if ewald is None else

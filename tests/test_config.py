@@ -152,6 +152,40 @@ def test_volume_fraction_of_random_packings(phi, fits):
         assert "particles.volume_fraction: found" in complaint(f"particles.volume_fraction={phi}")
 
 
+@pytest.mark.parametrize(("written", "kind"), [("equilibrium", "equilibrium"), ("quenched", "quenched")])
+def test_kinds_of_start(written, kind):
+    """Both kinds of packing have a minimum gap, a largest volume fraction, and no frame; the default is the fluid."""
+    chosen = f"particles.initial={written}"
+    particles = loads(TEXT, overrides=[chosen, "particles.minimum_gap=0.01"]).particles
+    assert (particles.initial, particles.minimum_gap, particles.frame) == (kind, 0.01, None)
+    assert "particles.volume_fraction: found" in complaint(chosen, "particles.volume_fraction=0.61")
+    assert "particles.frame: does not belong here" in complaint(chosen, "particles.frame=3")
+    assert loads(TEXT).particles.initial == "equilibrium"
+
+
+def test_old_name_of_the_fluid_is_read():
+    """`random`, as older files and stored runs have it, is the equilibrium packing: equal configurations, one name."""
+    old = loads(TEXT, overrides=["particles.initial=random"])
+    assert old.particles.initial == "equilibrium"
+    assert old.to_yaml() == loads(TEXT).to_yaml()
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [
+        ("randm", "equilibrium or quenched"),
+        ("Random", "equilibrium or quenched"),
+        ("equilibrum", "equilibrium"),
+        ("Quench", "quenched"),
+    ],
+)
+def test_misspelt_starts(written, meant):
+    """A word near one of the names is no folder unless it is written as one."""
+    assert f"found '{written}'; did you mean {meant}? (A folder: ./{written})" in complaint(
+        f"particles.initial={written}"
+    )
+
+
 def test_volume_fraction_of_files_goes_to_close_packing():
     """Equal spheres fill pi/sqrt(18) of space at most."""
     text = ["particles.initial=fcc.xyz", "particles.volume_fraction=0.7404"]

@@ -271,7 +271,7 @@ def test_unusable_xyz_says_why(tmp_path, text, error, words):
 
 def test_random_start_comes_with_its_report():
     """The packing of the configuration's seed, in radii whatever particles.radius is."""
-    start = prepare_initial(configuration("random", radius=2.5, seed=9))
+    start = prepare_initial(configuration("equilibrium", radius=2.5, seed=9))
     again = random_packing(NUMBER, FRACTION, 1e-3, 9)
     assert np.array_equal(start.positions, again.positions)
     assert start.minimum_gap == pytest.approx(again.minimum_gap)

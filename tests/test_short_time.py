@@ -10,8 +10,10 @@ from naive_ewald import classical, grand_mobility
 
 from suspend.config import Lubrication
 from suspend.errors import ConfigurationError
+from suspend.fluctuations import structure_factor_at_zero
 from suspend.hydro.two_sphere_matrices import FIVE
 from suspend.oneshot import Method, PeriodicScene
+from suspend.packing import quenched_packing, random_packing
 from suspend.short_time import equilibrium_scenes, literature, short_time_properties
 from suspend.short_time.equilibrium import long_wave_structure
 from suspend.short_time.estimators import (
@@ -23,6 +25,7 @@ from suspend.short_time.estimators import (
 )
 from suspend.short_time.medium import Medium
 from suspend.short_time.report import lines
+from suspend.short_time.sources import Request, read_ensemble
 from suspend.structure import carnahan_starling, contact_value
 
 DATA = Path(__file__).parent / "data"
@@ -106,7 +109,7 @@ def test_structure_factor_is_the_compressibility_of_the_equation_of_state(phi):
         return x * (1.0 + x + x * x - x**3) / (1.0 - x) ** 3
 
     slope = (pressure(phi + 1e-5) - pressure(phi - 1e-5)) / 2e-5
-    assert literature.structure_factor_at_zero(phi) == pytest.approx(1.0 / slope, rel=1e-7)
+    assert structure_factor_at_zero(phi) == pytest.approx(1.0 / slope, rel=1e-7)
 
 
 def test_finite_size_shift_is_that_of_a_lattice():
@@ -309,8 +312,23 @@ def test_long_waves_of_packings_are_at_equilibrium(phi):
     diameter has S = 0.8 at phi = 0.1, not 0.46.)
     """
     values = [long_wave_structure(scene) for scene in equilibrium_scenes(500, phi, 36, seed=5)]
-    expected = literature.structure_factor_at_zero(phi)
+    expected = structure_factor_at_zero(phi)
     assert np.mean(values) == pytest.approx(expected, abs=(4.0 / 18.0 + 0.06) * expected)
+
+
+def test_ensemble_of_a_file_has_the_start_of_the_file(tmp_path):
+    """A configuration with a quenched start gives quenched packings, one that says `random` the equilibrium fluid."""
+    text = "particles: {number: 30, volume_fraction: 0.3, initial: KIND}\n"
+    text += "flow: {type: quiescent}\nduration: {strain: 1}\n"
+    kinds = (("quenched", quenched_packing, "quenched packings of"), ("random", random_packing, "random packings of"))
+    for kind, made, words in kinds:
+        file = tmp_path / f"{kind}.yaml"
+        file.write_text(text.replace("KIND", kind))
+        ensemble = read_ensemble(Request(str(file), configurations=1, seed=7))
+        seed = int(np.random.SeedSequence(7).generate_state(1)[0])
+        expected = made(30, 0.3, 1e-3, seed).positions
+        assert np.array_equal(next(ensemble.scenes).positions, expected)
+        assert words in ensemble.source
 
 
 def test_long_wave_structure_of_ideal_points_and_a_lattice():

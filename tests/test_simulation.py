@@ -14,9 +14,11 @@ import numba
 import numpy as np
 import pytest
 
+from suspend.analysis.microstructure.number_variance import number_variance
+from suspend.analysis.microstructure.snapshot import Snapshot
 from suspend.config import from_dict
 from suspend.errors import ConfigurationError, Interrupted, NumericalError
-from suspend.io import Run
+from suspend.io import Run, RunStore
 from suspend.simulation import make_plan, run
 from suspend.simulation.progress import while_compiling
 
@@ -56,6 +58,56 @@ def assert_identical(a, b):
             assert_identical(x, y)
     else:
         assert np.array_equal(a, b, equal_nan=np.asarray(a).dtype.kind == "f")
+
+
+@pytest.mark.parametrize("kind", ["equilibrium", "quenched"])
+def test_figures_of_the_start_are_said_and_stored(tmp_path, kind):
+    """S(qmin) and beta0 beside the fluid's, from the stored first frame by the definitions: plain sums over waves, and
+    the analysis of the run. The line on the screen and the run's attributes hold the same numbers.
+    """
+    said = []
+    config = scene(number=120, particles__initial=kind, duration__cycles=1)
+    run(config, tmp_path / "r", message=said.append)
+    with Run(tmp_path / "r") as stored:
+        meta, frame = stored.meta, next(iter(stored.frames()))
+        edge = meta["L"]
+    x = frame["unwrapped"]
+    waves = [abs(np.exp(2j * np.pi * x[:, a] / edge).sum()) ** 2 / len(x) for a in range(3)]
+    assert meta["start_kind"] == kind
+    assert meta["start_s_qmin"] == pytest.approx(np.mean(waves), rel=1e-6)
+    radii = np.geomspace(2.0, edge / 4.0, 12)
+    assert meta["start_beta0"] == pytest.approx(number_variance(Snapshot(x, edge), radii).beta, rel=1e-4)
+    assert 0.5 < meta["start_beta0"] / meta["start_beta0_equilibrium"] < 2.0
+    line = next(text for text in said if text.startswith("start: "))
+    assert f"{kind} packing" in line
+    for name, label in (("s_qmin", "S(qmin)"), ("beta0", "beta0"), ("contact_value", "g(contact)")):
+        value, fluid = meta[f"start_{name}"], meta[f"start_{name}_equilibrium"]
+        assert f"{label} {value:.3g} (equilibrium fluid {fluid:.3g})" in line
+    assert "not at equilibrium" not in line
+
+
+def test_start_says_why_there_is_no_exponent(tmp_path):
+    """A cell with L/4 below 2.5 a leaves no range for beta0: said on the screen and stored."""
+    said = []
+    run(scene(number=20, duration__cycles=1), tmp_path / "r", message=said.append)
+    with Run(tmp_path / "r") as stored:
+        assert "start_beta0" not in stored.meta
+        assert "below 2.5 a" in stored.meta["start_beta0_note"]
+    assert any("no beta0 (L/4 is" in text for text in said)
+
+
+def test_run_stored_with_the_old_name_of_its_start_goes_on(tmp_path):
+    """A run whose stored configuration says `random` is continued by files with either name; `quenched` is another."""
+    run(scene(duration__cycles=1), tmp_path / "r")
+    with RunStore.open(tmp_path / "r") as store:
+        assert "initial: equilibrium" in store.config_yaml
+        store.update_configuration(store.config_yaml.replace("initial: equilibrium", "initial: random"))
+    with pytest.raises(ConfigurationError, match=r"particles.initial differ"):
+        run(scene(duration__cycles=2, particles__initial="quenched"), tmp_path / "r")
+    run(scene(duration__cycles=2), tmp_path / "r")
+    run(scene(duration__cycles=3, particles__initial="random"), tmp_path / "r")
+    with Run(tmp_path / "r") as stored:
+        assert stored.cycles == 3
 
 
 def test_only_compilations_are_shown_as_such(tmp_path):

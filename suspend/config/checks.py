@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from suspend.config.numerics import FINEST, NEAR_SHARE
-from suspend.config.physics import DENSEST_RANDOM
+from suspend.config.physics import DENSEST_RANDOM, FORMERLY, PACKED
 from suspend.config.tree import Problems
 
 NOISE = 10.0  # largest far-field tolerance over the integrator's: at 100 no step is accepted (N = 100, phi = 0.3)
@@ -64,7 +64,7 @@ def _cell(values: Values, complain: Complain) -> None:
 
 def _packing(values: Values, complain: Complain) -> None:
     found = _all(values["particles"], "volume_fraction", "initial")
-    if not found or found[1] != "random":
+    if not found or found[1] not in PACKED:
         return
     phi, gap = found[0], values["particles"].get("minimum_gap")
     if phi > DENSEST_RANDOM:
@@ -83,11 +83,13 @@ def _packing(values: Values, complain: Complain) -> None:
 
 def _initial(values: Values, complain: Complain) -> None:
     initial = values["particles"].get("initial")
-    if initial is None or initial == "random" or os.sep in initial or "." in initial:
+    if initial is None or initial in PACKED or os.sep in initial or "." in initial:
         return
-    # A word without suffix is a folder or a misspelt `random`.
-    if difflib.get_close_matches(initial.lower(), ["random"], 1, 0.7):
-        complain("particles.initial", f"found {initial!r}; did you mean random? (A folder: ./{initial})")
+    # A word without suffix is a folder, or a misspelt name of what is made here.
+    close = difflib.get_close_matches(initial.lower(), [*PACKED, FORMERLY], 1, 0.7)
+    if close:
+        meant = " or ".join(PACKED) if close[0] == FORMERLY else close[0]
+        complain("particles.initial", f"found {initial!r}; did you mean {meant}? (A folder: ./{initial})")
 
 
 def _frequency(values: Values, complain: Complain) -> None:

@@ -43,6 +43,7 @@ class Key:
     below: float | None = None
     choices: tuple[str, ...] = ()
     refused: tuple[tuple[str, str], ...] = ()  # values a user may try in good faith, and why they are refused
+    former: tuple[tuple[str, str], ...] = ()  # values still read, and what they are called now
     length: int | None = None  # of a list
     only: Only | None = None
     group: str | None = None  # of keys with this name one and only one is given

@@ -258,7 +258,8 @@ def convert(key: Key, item: Item) -> Any:
     if key.kind == "choice":
         return value if isinstance(value, str) and value in key.choices else None
     if key.kind == "text":
-        return value if isinstance(value, str) and value.strip() and "\0" not in value else None
+        right = isinstance(value, str) and value.strip() and "\0" not in value
+        return dict(key.former).get(value, value) if right else None
     if not isinstance(value, list) or not value or (key.length is not None and len(value) != key.length):
         return None
     if key.kind == "integers":

@@ -9,6 +9,8 @@ from suspend.config.keys import Only, key
 
 CLOSE_PACKING = math.pi / math.sqrt(18.0)  # densest packing of equal spheres
 DENSEST_RANDOM = 0.60  # `suspend.packing` makes random configurations up to here
+PACKED = ("equilibrium", "quenched")  # what it makes, as particles.initial calls it
+FORMERLY = "random"  # name of the first, still read
 LARGEST_CUTOFF = 8.0  # the tabulated two-sphere functions end at this centre distance, radii
 SCALE = {"least": 1e-30, "most": 1e30}  # of units: products of their powers stay within floating-point range
 
@@ -26,7 +28,7 @@ class Particles:
     )
     volume_fraction: float = key(
         "number",
-        f"volume fraction phi; at most {DENSEST_RANDOM:g} where initial is random",
+        f"volume fraction phi; at most {DENSEST_RANDOM:g} where initial is {' or '.join(PACKED)}",
         above=0.0,
         most=CLOSE_PACKING,
         example=0.4,
@@ -35,25 +37,27 @@ class Particles:
     radius: float = key("number", "sphere radius a", unit="length", default=1.0, symbols=("a",), **SCALE)
     initial: str = key(
         "text",
-        "start: random (a hard-sphere packing made from the seed), or a file (.gsd, .xyz, .npz, .h5) or run"
-        " folder, relative to the folder of this file",
-        default="random",
+        "start: equilibrium (a stirred fluid of hard spheres; a glass above freezing, phi = 0.494; also read as"
+        " random), quenched (random points whose overlapping pairs are pushed apart, unstirred: the paper's), both"
+        " made from the seed, or a file (.gsd, .xyz, .npz, .h5) or run folder, relative to the folder of this file",
+        default=PACKED[0],
+        former=((FORMERLY, PACKED[0]),),
         symbols=("configuration", "positions"),
     )
     frame: int | None = key(
         "integer",
         "frame of that file; -1 is the last",
         default=-1,
-        only=Only("initial", ("random",), negated=True),
+        only=Only("initial", PACKED, negated=True),
     )
     minimum_gap: float | None = key(
         "number",
-        "smallest surface gap of the random packing",
+        "smallest surface gap of the packing made",
         unit="radii",
         default=1e-3,
         above=0.0,
         most=1.0,
-        only=Only("initial", ("random",)),
+        only=Only("initial", PACKED),
     )
 
 

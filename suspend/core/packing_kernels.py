@@ -112,6 +112,30 @@ def push_cells(x, length, cells, diameter, force):
 
 
 @jit
+def push_apart(x, length, hard, soft, sweeps):
+    """Sweeps over the spheres `x` (N,3) that move each sphere of an overlapping pair by half the overlap, all at once.
+
+    Overlaps are those at the diameter `soft`. Returns the sweeps done when every distance is >= `hard`, else -1.
+    """
+    n = len(x)
+    cells = cells_along(length, soft, n)
+    force = np.zeros((n, 3))
+    for sweep in range(sweeps + 1):
+        force[:] = 0.0
+        if cells >= 3:
+            smallest = push_cells(x, length, cells, soft, force)
+        else:
+            smallest = push_images(x, length, soft, force)
+        if smallest >= hard * hard:
+            return sweep
+        if sweep < sweeps:
+            for i in range(n):
+                for a in range(3):
+                    x[i, a] = wrapped(x[i, a] + 0.5 * force[i, a], length)
+    return -1
+
+
+@jit
 def separate(x, length, hard, soft, max_steps):
     """Move the spheres `x` (N,3) apart until every distance is >= `hard`; returns the steps, -1 if jammed.
 

@@ -9,9 +9,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from suspend.errors import ConfigurationError
+from suspend.fluctuations import structure_factor_at_zero
 from suspend.oneshot.scene import Method, PeriodicScene
 from suspend.short_time import literature
-from suspend.short_time.equilibrium import equilibrium_scene, long_wave_structure
+from suspend.short_time.equilibrium import long_wave_structure, packed_scene
 from suspend.short_time.estimators import Measured, Solve, measure
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
@@ -123,9 +124,16 @@ def short_time_properties(
 def equilibrium_scenes(
     number: int, volume_fraction: float, configurations: int, seed: int, minimum_gap: float = 0.0
 ) -> Iterator[PeriodicScene]:
-    """Independent configurations of the hard-sphere fluid, made one by one (`equilibrium_scene`)."""
+    """Independent configurations of the hard-sphere fluid, made one by one (`suspend.packing.random_packing`)."""
+    return packed_scenes("equilibrium", number, volume_fraction, configurations, seed, minimum_gap)
+
+
+def packed_scenes(
+    kind: str, number: int, volume_fraction: float, configurations: int, seed: int, minimum_gap: float = 0.0
+) -> Iterator[PeriodicScene]:
+    """Independent packings of a kind, "equilibrium" or "quenched", made one by one (`packed_scene`)."""
     for entropy in np.random.SeedSequence(seed).generate_state(configurations):
-        yield equilibrium_scene(number, volume_fraction, int(entropy), minimum_gap)
+        yield packed_scene(kind, number, volume_fraction, int(entropy), minimum_gap)
 
 
 def _structure(scene: PeriodicScene) -> tuple[float, ...]:
@@ -156,7 +164,7 @@ def _summary(scene: PeriodicScene, method: Method, measured: list[Measured], str
     viscosity = float(viscosities.mean())
     periodic = method.far_field == "ewald"
     shift = literature.finite_size_shift(phi, number, viscosity) if periodic else None
-    compressibility = literature.structure_factor_at_zero(phi)
+    compressibility = structure_factor_at_zero(phi)
     diffusion = np.array([m.diffusion for m in measured])  # (configurations, probes, 2)
     exact = measured[0].exact
     rows = (

@@ -1,4 +1,4 @@
-"""Hard spheres in the literature: short-time properties, structure factor at zero, finite-size correction.
+"""Hard spheres in the literature: short-time properties, finite-size correction.
 
 The three fits are of equilibrium fluids of equal, neutrally interacting hard spheres with stick boundaries, used
 here for comparison only and meant for 0 <= phi <= 0.5. They were published by Riest et al., Soft Matter (2015), for
@@ -55,14 +55,6 @@ def fit(name: str, phi: float) -> Fit | None:
         return None
     function, source = FITS[name]
     return Fit(function(phi), source)
-
-
-def structure_factor_at_zero(phi: float) -> float:
-    """S(q -> 0) of hard spheres, the compressibility of Carnahan & Starling (J. Chem. Phys. 51, 635, 1969).
-
-    S(0) = (1 - phi)^4 / [(1 + 2 phi)^2 + phi^3 (phi - 4)], of a fluid: phi up to 0.494.
-    """
-    return (1.0 - phi) ** 4 / ((1.0 + 2.0 * phi) ** 2 + phi**3 * (phi - 4.0))
 
 
 def finite_size_shift(phi: float, number: int, viscosity: float) -> float:

@@ -10,7 +10,8 @@ from suspend.config import Config, from_dict, load
 from suspend.errors import ConfigurationError
 from suspend.oneshot.problem_files import method_of
 from suspend.oneshot.scene import Method, PeriodicScene
-from suspend.short_time.ensemble import equilibrium_scenes
+from suspend.packing import PACKINGS
+from suspend.short_time.ensemble import packed_scenes
 
 NUMBER, CONFIGURATIONS, SEED = 500, 4, 1
 CONTACT = 1e-6  # smallest gap of packings that no file describes: hard spheres of radius a
@@ -83,15 +84,16 @@ def _bare(request: Request, number: int, volume_fraction: float) -> Config:
 
 def _from_configuration(config: Config, request: Request) -> Ensemble:
     particles = config.particles
-    if particles.initial != "random":
+    if particles.initial not in PACKINGS:
         return _one(Path(config.directory) / particles.initial, particles.frame, config, request)
     file_seed = SEED if request.path is None else config.seed
     seed = request.seed if request.seed is not None else file_seed
     count = request.configurations or CONFIGURATIONS
-    scenes = equilibrium_scenes(
-        particles.number, particles.volume_fraction, count, seed, particles.minimum_gap
+    scenes = packed_scenes(
+        particles.initial, particles.number, particles.volume_fraction, count, seed, particles.minimum_gap
     )
-    source = "random packings" if request.path is None else f"random packings of {request.path}"
+    kind = "random packings" if particles.initial == "equilibrium" else f"{particles.initial} packings"
+    source = kind if request.path is None else f"{kind} of {request.path}"
     return Ensemble(scenes, count, _method(config, request), seed, source, True)
 
 

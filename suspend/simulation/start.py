@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +18,7 @@ from suspend.scene import make_units
 from suspend.simulation.in_memory import Simulation
 from suspend.simulation.provenance import provenance
 from suspend.simulation.session import Session
+from suspend.simulation.start_figures import start_figures
 from suspend.simulation.stop import Stop
 from suspend.simulation.summary import Summary
 
@@ -82,18 +82,10 @@ def _start(
 ) -> tuple[Simulation, RunStore]:
     simulation = Simulation(config, threads, initial.length)
     simulation.start(initial.positions, initial.tilt)
-    store = RunStore.create(directory, config.to_yaml(), provenance(config, initial, threads), _table(config))
-    if initial.packing is not None:
-        p = initial.packing
-        # Too few pairs near contact, as with few spheres: there is no value.
-        contact = (
-            f"g(contact) {p.contact_value:.3g} (equilibrium fluid {p.equilibrium_contact_value:.3g}), "
-            if math.isfinite(p.contact_value)
-            else ""
-        )
-        say(
-            f"start: random packing, {contact}Q6 {p.global_q6:.3g}, smallest gap {p.minimum_gap:.3g} a"
-        )
+    figures = start_figures(initial, config.particles.minimum_gap)
+    meta = provenance(config, initial, threads) | figures.meta()
+    store = RunStore.create(directory, config.to_yaml(), meta, _table(config))
+    say(figures.line())
     return simulation, store
 
 

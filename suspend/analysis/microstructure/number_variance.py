@@ -12,16 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import OptimizeWarning, curve_fit
 
+from suspend import fluctuations
 from suspend.analysis.microstructure.snapshot import SPACED, FrameQuantity, Frames, Snapshot, tabulate_frames
 from suspend.errors import ConfigurationError
+from suspend.fluctuations import ALL_PAIRS, RADII, log_slopes, variance_radii
 
-SMALLEST = 2.0  # radii: the smallest test sphere
-ALL_PAIRS = 40_000  # spheres up to which every pair is visited: about 10 s; above, test spheres are sampled
-_BINS = 200_000  # of the squared distances, up to (L/2)^2
-_CHUNK = 1 << 18  # pairs in memory at once
 _CENTRES, _VOLUME = 12000, 3.0  # test spheres: at most so many, one per so many a^3
 _BLOCKS = 2  # per direction, for the error by leaving one out
-_MINIMUM_RANGE = 1.25  # L/4 has to exceed the smallest radius by this factor to say anything about a power
 
 
 class Exponent(NamedTuple):
@@ -88,65 +85,14 @@ def number_variance(snapshot: Snapshot, radii: np.ndarray, centres: int | None =
     sampled = squares.mean(axis=0)
     variance = exact_variance(snapshot, radii) if exact else sampled
     without = (squares.sum(axis=0) - squares) / (len(squares) - 1)
-    with np.errstate(divide="ignore"):
-        slopes = _slope(np.log(radii), np.log(np.vstack([variance, without])))  # one line each
+    slopes = log_slopes(radii, np.vstack([variance, without]))  # one line each
     spread = (len(squares) - 1) * np.mean((slopes[1:] - slopes[1:].mean()) ** 2)
     return Exponent(float(slopes[0]), float(np.sqrt(spread)), variance)
 
 
 def exact_variance(snapshot: Snapshot, radii: np.ndarray) -> np.ndarray:
-    """sigma^2(r) over all places of the test sphere, from the pairs; radii (m,) up to L/4, in sphere radii.
-
-    sigma^2 = N v/V (1 - N v/V) + (v/V) sum over ordered pairs of alpha(d), alpha = 1 - 3d/4r + d^3/16r^3 for d < 2r the
-    shared fraction of two test spheres at the distance d (Torquato & Stillinger, Phys. Rev. E 68, 041113, 2003). With
-    2r <= L/2 no pair has two images within reach. Squared distances are collected in 200,000 bins: beside the exact
-    sum sigma^2 errs by less than 1e-3 at N = 32,768. Raises ConfigurationError for r > L/4.
-    """
-    radii, number, length = np.asarray(radii, float), snapshot.number, snapshot.length
-    if radii.max() > 0.25 * length * (1.0 + 1e-12):
-        raise ConfigurationError(f"number variance: r = {radii.max():g} a is above L/4 = {0.25 * length:g} a")
-    count, total = _squared_distances(snapshot)
-    filled = count > 0
-    d = 0.5 * length * np.sqrt(total[filled] / count[filled])
-    variance = np.empty(len(radii))
-    for i, r in enumerate(radii):
-        x = np.minimum(d / (2.0 * r), 1.0)
-        share = 4.0 * np.pi / 3.0 * r**3 / length**3
-        pairs = 2.0 * np.sum(count[filled] * (1.0 - x) ** 2 * (1.0 + 0.5 * x))
-        variance[i] = number * share * (1.0 - number * share) + share * pairs
-    return variance
-
-
-def _squared_distances(snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs closer than L/2 by (2d/L)^2, in equal bins: their number and the sum of (2d/L)^2 in each."""
-    fraction = snapshot.position / snapshot.length
-    fraction[:, 0] -= snapshot.tilt * fraction[:, 1]
-    x, y, z = np.ascontiguousarray(fraction.T)
-    count, total = np.zeros(_BINS, np.int64), np.zeros(_BINS)
-    n, first = len(x), 0
-    while first < n - 1:
-        rows = max(1, min(n - 1 - first, _CHUNK // (n - first)))
-        last = first + rows
-        dy, dz = y[first:last, None] - y[first:], z[first:last, None] - z[first:]
-        dy -= np.rint(dy)
-        dz -= np.rint(dz)
-        dx = x[first:last, None] - x[first:]
-        dx += snapshot.tilt * dy
-        dx -= np.rint(dx)
-        square = 4.0 * (dx * dx + dy * dy + dz * dz)
-        square[np.tril_indices(rows)] = 2.0  # each pair once
-        square = square[square < 1.0]
-        bins = (square * _BINS).astype(np.int64)
-        count += np.bincount(bins, minlength=_BINS)
-        total += np.bincount(bins, square, minlength=_BINS)
-        first = last
-    return count, total
-
-
-def _slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slopes of the least-squares lines through the rows of y (m, n) against x (n,)."""
-    x = x - x.mean()
-    return y @ x / (x @ x)
+    """sigma^2(r) over all places of the test sphere (`suspend.fluctuations.exact_variance`); radii (m,) up to L/4."""
+    return fluctuations.exact_variance(snapshot.position, snapshot.length, radii, snapshot.tilt)
 
 
 def _decay(strain, beta0, beta_inf, nu):
@@ -193,13 +139,13 @@ class NumberVariance(FrameQuantity):
     range: ConfigurationError.
     """
 
-    def __init__(self, frames: Frames = SPACED, centres: int | None = None, count: int = 12):
+    def __init__(self, frames: Frames = SPACED, centres: int | None = None, count: int = RADII):
         self.frames, self.centres, self.count = frames, centres, count
 
     def missing(self, snapshot: Snapshot) -> str | None:
         """Too small a cell: no range of radii."""
         largest = 0.25 * snapshot.length
-        if largest >= _MINIMUM_RANGE * SMALLEST:
+        if fluctuations.holds_range(snapshot.length):
             return None
         return (
             f"the number variance needs test spheres from 2 a to L/4, but L/4 is {largest:.3g} a here: use more spheres"
@@ -211,8 +157,7 @@ class NumberVariance(FrameQuantity):
 
     def add(self, snapshot: Snapshot) -> None:
         """Count in one configuration."""
-        largest = 0.25 * snapshot.length
-        self._radii = np.geomspace(SMALLEST, largest, self.count)
+        self._radii = variance_radii(snapshot.length, self.count)
         self._results.append(number_variance(snapshot, self._radii, self.centres))
         self._when.append((snapshot.total_strain, snapshot.cycle))
 
