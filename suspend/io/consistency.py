@@ -58,6 +58,8 @@ def _cycles(file: h5py.File) -> str | None:
     for name in group["statistics"]:
         if found := _unfit(group["statistics"][name], stored, ()):
             return found
+    if "overlaps" in group["statistics"] and (found := _wrong_kind(group["statistics/overlaps"], "iu")):
+        return found
     index, complete = group["index"][:], group["complete"][:]
     if not np.array_equal(index, np.arange(stored)):
         k = int(np.flatnonzero(index != np.arange(stored))[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,9 @@ class TrajectoryFile:
         self.config_yaml = h5md.get_configuration(self._file)
         self.meta = h5md.read_meta(parameters["meta"])
         self.number, self.length = int(self.meta["number"]), float(self.meta["L"])
+        radius = float(self.meta.get("radius", 1.0))
+        if not (math.isfinite(radius) and radius > 0.0):
+            raise StorageError(f"{self.path} is damaged: the radius is {radius:g}; restore it from a copy")
         what = contradiction(self._file, self.number, self.length)
         if what:
             raise StorageError(
