@@ -125,7 +125,7 @@ DAMAGES = {
     "number zero": (lambda file: file["parameters/meta"].attrs.__setitem__("number", 0), "number of spheres is 0"),
     "number another": (lambda file: file["parameters/meta"].attrs.__setitem__("number", 5), "instead of 5 x 3"),
     "radius text": (lambda file: file["parameters/meta"].attrs.__setitem__("radius", "x"), "damaged"),
-    "radius nan": (lambda file: file["parameters/meta"].attrs.__setitem__("radius", np.nan), "radius nan"),
+    "radius nan": (lambda file: file["parameters/meta"].attrs.__setitem__("radius", np.nan), "radius is nan"),
     "overlaps nan": (put("cycles/statistics/overlaps", lambda v: v * np.nan), "has the type float64"),
     "configuration elsewhere": (elsewhere, "parameters/configuration lies in another file"),
     "stress elsewhere": (external_data, "lie in another file"),
