@@ -98,6 +98,8 @@ def run_sweep(file, output, workers, max_time, retry_failed, dry_run, quiet) -> 
         if sys.stderr.isatty() and not quiet:
             click.echo(f"{error}", err=True)
         click.get_current_context().exit(Interrupted.exit_code)
+    if lock.note and not quiet:
+        click.echo(lock.note, err=True)
     try:
         call.look()
         if call.changed and call.former and not quiet:

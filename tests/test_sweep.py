@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import os
+import pty
 import random
 import re
+import resource
 import shutil
 import signal
 import subprocess
@@ -20,10 +23,10 @@ import pytest
 
 from suspend.analysis.summary import analyze
 from suspend.config import loads
-from suspend.errors import ConfigurationError
+from suspend.errors import ConfigurationError, StorageError
 from suspend.initial import prepare_initial
 from suspend.io import Run
-from suspend.io.files import holder
+from suspend.io.files import holder, is_disk_trouble
 from suspend.sweep import read_sweep, resolve
 from suspend.sweep.folder import Folder, PointLock, SweepLock, is_complete, read_record
 from suspend.sweep.machine import cores
@@ -326,6 +329,41 @@ def test_a_changed_file_keeps_what_belongs_and_says_what_does_not(tmp_path, comp
     assert {n: (c[0], c[1]) for n, c in after.items()} == {n: (c[0], 2 if n in gone else 3) for n, c in before.items()}
 
 
+def test_a_shorter_duration_leaves_longer_runs_as_they_are(tmp_path):
+    """A run that was stopped beyond what is asked for now is complete, not failed."""
+    written(tmp_path, BASE.replace("cycles: 2", "cycles: 40000") + "seeds: 1\n")
+    assert sweep(tmp_path, "s.yaml", "--max-time", "4s").returncode == 130
+    before = contents(tmp_path / "runs/s")
+    assert all(content[1] > 2 for content in before.values())
+    written(tmp_path, BASE + "seeds: 1\n")
+    done = sweep(tmp_path, "s.yaml")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert {n: c[1] for n, c in contents(tmp_path / "runs/s").items()} == {n: c[1] for n, c in before.items()}
+
+
+def test_a_terminal_shows_a_table(tmp_path, complete):
+    """Redrawn in place: what is complete, running (strain, time left) and waiting; events above it."""
+    written(tmp_path, FOUR.replace("cycles: 2", "cycles: 4000"))
+    main, side = pty.openpty()
+    options = {"cwd": tmp_path, "env": environment() | {"TERM": "xterm"}, "stdin": subprocess.DEVNULL}
+    process = subprocess.Popen(command("s.yaml", "--max-time", "4s"), stderr=side, stdout=side, **options)
+    os.close(side)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(main, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not piece:
+            break
+        shown += piece
+    assert process.wait() == 130
+    text = shown.decode()
+    assert "0/4 complete" in text and "waiting" in text and "\x1b[" in text
+    assert re.search(r"gamma0-0.6\S*  +[\d.]+/9600 +[\d:]+ left", text), text[-2000:]
+    assert "time limit" in text
+
+
 def test_two_calls_at_once(tmp_path, complete):
     """The second leaves quietly with 130, work being left; the runs are as ever."""
     written(tmp_path, FOUR)
@@ -374,8 +412,26 @@ def test_failures_are_retried_counted_and_reported(tmp_path):
     again = sweep(tmp_path, "s.yaml")
     assert again.returncode == 3 and (folder / "suspend.log").read_text() == log
     assert json.loads(sweep(tmp_path, "status", "runs/s", "--json").stdout)["counts"]["failed"] == 1
-    assert sweep(tmp_path, "s.yaml", "--retry-failed").returncode == 3
-    assert (folder / "suspend.log").read_text().count("Error: ") == 4
+    written(tmp_path, BASE + bad.replace("3, ", "100000, ") + "runs:\n  - {vary: {flow.amplitude: [0.3]}}\n")
+    assert sweep(tmp_path, "s.yaml", "--retry-failed", "-q").returncode == 0
+
+
+def test_a_full_disk_stops_the_sweep_and_counts_against_no_point(tmp_path):
+    """Files may grow to 150 kB only: exit code 4 and one message; with room again the sweep goes on."""
+    written(tmp_path, BASE.replace("cycles: 2", "cycles: 60") + "seeds: 2\n")
+    full = errno.ENOSPC
+
+    def limit():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, resource.RLIM_INFINITY))
+
+    error = StorageError("x")
+    error.__cause__ = OSError(full, "full")
+    assert is_disk_trouble(error) and not is_disk_trouble(StorageError("x"))
+    done = sweep(tmp_path, "s.yaml", preexec_fn=limit)
+    assert done.returncode == 4 and done.stderr.count("Error: ") == 1 and "file size limit" in done.stderr
+    assert all(read_record(path.parent).failures == 0 for path in tmp_path.glob("runs/s/*/point.json"))
+    done = sweep(tmp_path, "s.yaml")
+    assert done.returncode == 0, done.stderr
 
 
 # --- kills ------------------------------------------------------------------------------------------------------------

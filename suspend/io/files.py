@@ -39,6 +39,7 @@ _REASONS = {
     errno.ELOOP: "its symbolic links run in a circle",
     errno.ENXIO: "no one listens there",
 }
+_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO, errno.ESTALE)
 _REMEDIES = {
     errno.ENOSPC: "free some space",
     errno.EDQUOT: "free some space or raise the quota",
@@ -61,6 +62,12 @@ def storage_errors(action: str, path: os.PathLike | str, advice: str = "") -> It
         reason = _REASONS.get(code) or str(error).strip().splitlines()[0]
         remedy = advice or _REMEDIES.get(code, "")
         raise StorageError(f"cannot {action} {path}: {reason}" + (f"; {remedy}" if remedy else "")) from error
+
+
+def is_disk_trouble(error: BaseException) -> bool:
+    """Whether a StorageError was the device's fault (full, read-only, failing), not that of what is stored there."""
+    cause = error.__cause__ if isinstance(error, StorageError) else error
+    return cause is not None and _errno_of(cause) in _TROUBLE
 
 
 def _errno_of(error: BaseException) -> int | None:

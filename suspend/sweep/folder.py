@@ -175,9 +175,12 @@ def is_complete(folder: Path, config: Config) -> bool:
             finished, cycles = run.finished, run.cycles
     except StorageError:
         return False
+    asked = make_flow(config).cycles
+    if cycles > asked and config.flow.type == "oscillatory":
+        return True  # it was begun for longer, and stays as it is
     if not finished:
         return False
-    if cycles >= make_flow(config).cycles:
+    if cycles >= asked:
         return True
     # A steady run that was extended keeps its first blocks, so counts others.
     record, asked = read_record(folder), total_strain(config)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import suspend
 from suspend.errors import Interrupted, NumericalError, StorageError
-from suspend.io.files import replace_text, storage_errors
+from suspend.io.files import storage_errors
 from suspend.simulation.stop import Stop
 from suspend.sweep.folder import (
     LOG,
@@ -26,13 +26,13 @@ from suspend.sweep.folder import (
     write_record,
 )
 from suspend.sweep.prediction import Task
+from suspend.sweep.worker import DISK
 
 SHORTEST = 1.0  # seconds left in which nothing is begun any more
 POLL = 0.1  # seconds between looks at the processes
 REPORT = 0.5  # seconds between reports
 BUSY = 2.0  # seconds between looks at a point that a process of an earlier call still computes
 THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-PROBE = 1 << 16  # bytes
 
 
 @dataclass
@@ -71,7 +71,7 @@ class LocalSweep:
 
     event(kind, task, text) is called when a task starts, ends, is stopped, is to be tried again or fails; report(state)
     twice a second. Raises Interrupted (work is left), NumericalError (all else done, points failed for good),
-    StorageError (the sweep's folder cannot be written).
+    StorageError (the disk is full or fails).
     """
 
     def __init__(self, folder: Folder, workers: int, memory: float, retries: int):
@@ -183,8 +183,9 @@ class LocalSweep:
             self.waiting.append(task)
             self.event("stopped", task, "")
             return
-        if code == StorageError.exit_code:
-            self._probe(record.message)
+        if code == DISK:  # of all points, and none counts it
+            self.waiting.append(task)
+            raise StorageError(record.message or f"the disk is full or fails; {task.folder / LOG} has more")
         if code < 0 or record.running or record.failures <= began.failures:
             record = task.record = self._died(task, began, record, code)
         if record.failures > self.retries:
@@ -205,17 +206,6 @@ class LocalSweep:
         write_record(task.folder, record)
         return record
 
-    def _probe(self, message: str) -> None:
-        """A full disk is no fault of the point: then the sweep stops, and nothing is counted by later calls."""
-        path = self.folder.path / "probe"
-        try:
-            with storage_errors("write", path):
-                replace_text(path, "x" * PROBE)
-        except StorageError as error:
-            raise StorageError(f"{error} (a run said: {message})") from None
-        finally:
-            path.unlink(missing_ok=True)
-
     def _end(self) -> None:
         """Stop what runs, wait for the checkpoints, and sort it."""
         for each in self.running:
@@ -224,8 +214,9 @@ class LocalSweep:
         ended, self.running = self.running, []
         for each, code in zip(ended, codes, strict=True):
             self._close(each)
-            # On its way into the run a process has nothing to save and goes at once.
-            self._ended(each.task, each.began, Interrupted.exit_code if code < 0 else code)
+            # On its way into the run a process has nothing to save and goes at once; the disk is known to be full.
+            stopped = code < 0 or code == DISK
+            self._ended(each.task, each.began, Interrupted.exit_code if stopped else code)
 
 
 def worker_environment() -> dict[str, str]:

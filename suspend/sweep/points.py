@@ -76,6 +76,13 @@ def _add(block: Block, assignments: list, shown: list[str], points: dict, proble
         )
         problems.setdefault(line, []).append(label)
         return
+    if before is not None and config.particles.minimum_gap is None and before.config.directory != config.directory:
+        line = (
+            f"{block.where}: particles.initial: found {config.particles.initial!r} in two folders, {config.directory} "
+            f"and {before.config.directory}: give the files different names"
+        )
+        problems.setdefault(line, []).append(label)
+        return
     parameters = {name: values[name] for name in shown if name in values and name != "seed"}
     points.setdefault(key, Point(f"{label}_{key}", key, config, parameters))
 

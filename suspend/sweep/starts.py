@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import importlib
 import json
@@ -87,20 +88,28 @@ def read_start(path: Path) -> InitialConfiguration | None:
 
 
 def _flatten(prefix: str, values: Any, content: dict[str, np.ndarray]) -> None:
-    for name, value in values._asdict().items():
-        if hasattr(value, "_asdict"):
+    for name in _fields(type(values)):
+        value = getattr(values, name)
+        if _fields(type(value)):
             kind = type(value)
             content[f"{prefix}{name}"] = np.array(f"{kind.__module__}:{kind.__qualname__}")
             _flatten(f"{prefix}{name}.", value, content)
         elif isinstance(value, np.ndarray):
             content[f"{prefix}{name}"] = value
         else:
-            content[f"{prefix}{name}"] = np.array(json.dumps(value))
+            content[f"{prefix}{name}"] = np.array(json.dumps(value.item() if isinstance(value, np.generic) else value))
+
+
+def _fields(kind: type) -> list[str]:
+    """Names of the fields of a named tuple or dataclass, none of anything else."""
+    if dataclasses.is_dataclass(kind):
+        return [field.name for field in dataclasses.fields(kind)]
+    return list(getattr(kind, "_fields", ()))
 
 
 def _restore(prefix: str, kind: type, content: dict[str, np.ndarray]) -> Any:
     values = {}
-    for name in kind._fields:
+    for name in _fields(kind):
         value = content[f"{prefix}{name}"]
         if value.dtype.kind != "U":
             values[name] = value

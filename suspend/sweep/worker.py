@@ -5,6 +5,7 @@ It ends with a checkpoint when its standard input closes, that is, when the call
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -14,6 +15,7 @@ import traceback
 from dataclasses import replace
 from pathlib import Path
 
+DISK = 74  # exit code where the disk is full or fails (EX_IOERR)
 EVERY = 1.0  # seconds between records of the progress
 
 
@@ -23,12 +25,14 @@ def main(arguments: list[str]) -> int:
     max_time = float(arguments[3]) if len(arguments) > 3 else None
     threading.Thread(target=_watch_parent, daemon=True).start()
     from suspend.errors import SuspendError
+    from suspend.io.files import is_disk_trouble
 
     try:
         run_point(folder, sweep_folder, directory, max_time)
     except SuspendError as error:
-        _log(f"Error: {error}")
-        return error.exit_code
+        with contextlib.suppress(OSError):
+            _log(f"Error: {error}")
+        return DISK if is_disk_trouble(error) else error.exit_code
     except MemoryError as error:
         _log(f"Error: not enough memory ({error})")
         return 3
@@ -42,9 +46,10 @@ def run_point(folder: Path, sweep_folder: Path, directory: str = ".", max_time: 
     """Compute the point whose configuration is in `folder`, or go on with it, and keep its record.
 
     directory : that paths of the configuration are relative to; max_time : seconds, the start-up included.
-    Raises as `suspend.simulation.run`, after counting the failure.
+    Raises as `suspend.simulation.run`, after counting the failure; a disk that is full is no failure of the point.
     """
     from suspend.errors import Interrupted, SuspendError
+    from suspend.io.files import is_disk_trouble
     from suspend.sweep.folder import PointLock, read_record, write_record
 
     lock = PointLock(folder)
@@ -62,7 +67,8 @@ def run_point(folder: Path, sweep_folder: Path, directory: str = ".", max_time: 
             raise
         except (SuspendError, MemoryError) as error:
             code = error.exit_code if isinstance(error, SuspendError) else 3
-            progress.write(running=False, failures=before.failures + 1, message=str(error), code=code)
+            counted = before.failures + (not is_disk_trouble(error))
+            progress.write(running=False, failures=counted, message=str(error), code=code)
             raise
         except Exception as error:
             message = f"a defect of suspend: {type(error).__name__}: {error}; please report it with the log"
