@@ -203,9 +203,13 @@ def test_the_shipped_phase_diagram():
 # --- starts, predictions ----------------------------------------------------------------------------------------------
 
 
-def test_one_start_for_all_amplitudes(tmp_path, monkeypatch):
+AMPLITUDES = "vary: {flow.amplitude: [0.3, 3.0]}\nseeds: 2\n"
+
+
+@pytest.mark.parametrize("kind", ["equilibrium", "quenched"])
+def test_one_start_for_all_amplitudes(tmp_path, monkeypatch, kind):
     """The start depends on number, volume fraction, gap and seed only, is made once, and read back bit for bit."""
-    configs = [p.config for p in points_of(tmp_path, BASE + "vary: {flow.amplitude: [0.3, 3.0]}\nseeds: 2\n")]
+    configs = [p.config for p in points_of(tmp_path, BASE + f"set: {{particles.initial: {kind}}}\n{AMPLITUDES}")]
     made = [prepare_initial(config) for config in configs]
     by_seed = {}
     for config, start in zip(configs, made, strict=True):
@@ -237,7 +241,7 @@ def test_longest_first_packs_the_cores():
 
 @pytest.fixture(scope="module")
 def complete(tmp_path_factory):
-    """A sweep of four points, run without disturbance."""
+    """A sweep of four points, run without disturbance; what is timed asks for it, too: the kernels are compiled then."""
     folder = tmp_path_factory.mktemp("complete")
     written(folder, FOUR)
     done = sweep(folder, "s.yaml")
@@ -329,10 +333,10 @@ def test_a_changed_file_keeps_what_belongs_and_says_what_does_not(tmp_path, comp
     assert {n: (c[0], c[1]) for n, c in after.items()} == {n: (c[0], 2 if n in gone else 3) for n, c in before.items()}
 
 
-def test_a_shorter_duration_leaves_longer_runs_as_they_are(tmp_path):
+def test_a_shorter_duration_leaves_longer_runs_as_they_are(tmp_path, complete):
     """A run that was stopped beyond what is asked for now is complete, not failed."""
     written(tmp_path, BASE.replace("cycles: 2", "cycles: 40000") + "seeds: 1\n")
-    assert sweep(tmp_path, "s.yaml", "--max-time", "4s").returncode == 130
+    assert sweep(tmp_path, "s.yaml", "--max-time", "3s").returncode == 130
     before = contents(tmp_path / "runs/s")
     assert all(content[1] > 2 for content in before.values())
     written(tmp_path, BASE + "seeds: 1\n")
@@ -383,20 +387,20 @@ def compare(found, expected):
         assert same(content, expected[name]), name
 
 
-def test_max_time_stops_all_and_the_next_call_goes_on(tmp_path):
+def test_max_time_stops_all_and_the_next_call_goes_on(tmp_path, complete):
     """Exit code 130, a checkpoint each, within seconds of the limit; the next call continues."""
     written(tmp_path, FOUR.replace("cycles: 2", "cycles: 40000"))
     begun = time.monotonic()
-    done = sweep(tmp_path, "s.yaml", "--max-time", "5s")
+    done = sweep(tmp_path, "s.yaml", "--max-time", "4s")
     assert done.returncode == 130 and "time limit" in done.stderr and time.monotonic() - begun < 20
     cycles = {name: content[1] for name, content in contents(tmp_path / "runs/s").items()}
     assert len(cycles) == min(4, cores()) and min(cycles.values()) >= 1
-    assert sweep(tmp_path, "s.yaml", "--max-time", "4s", "--workers", "1").returncode == 130
+    assert sweep(tmp_path, "s.yaml", "--max-time", "3s", "--workers", "1").returncode == 130
     after = {name: content[1] for name, content in contents(tmp_path / "runs/s").items()}
     assert sum(after.values()) > sum(cycles.values()) and all(after[name] >= count for name, count in cycles.items())
 
 
-def test_failures_are_retried_counted_and_reported(tmp_path):
+def test_failures_are_retried_counted_and_reported(tmp_path, complete):
     """A point that cannot be computed is tried 1 + retries times over the calls, then reported with exit code 3."""
     bad = "set: {integrator.max_evaluations: 3, duration.strain: 1}\n"
     if "max_evaluations" not in loads(BASE.replace("base:\n", "").replace("\n  ", "\n").lstrip()).to_yaml():
@@ -500,7 +504,7 @@ def test_kills_lose_nothing(tmp_path, complete):
 
 
 @pytest.mark.long
-def test_twenty_kills_lose_nothing(tmp_path):
+def test_twenty_kills_lose_nothing(tmp_path, complete):
     """The same, 20 kills, 12 points, 40 cycles each."""
     text = FOUR.replace("cycles: 2", "cycles: 60") + "seeds: 3\n"
     for name in ("undisturbed", "killed"):
@@ -510,7 +514,7 @@ def test_twenty_kills_lose_nothing(tmp_path):
     check_kills(tmp_path / "killed", 20, contents(tmp_path / "undisturbed/runs/s"))
 
 
-def test_workers_stop_when_their_call_is_killed(tmp_path):
+def test_workers_stop_when_their_call_is_killed(tmp_path, complete):
     """kill -9 of the call: its workers write a checkpoint and go within seconds."""
     written(tmp_path, FOUR.replace("cycles: 2", "cycles: 40000"))
     process = subprocess.Popen(command("s.yaml", "-q"), cwd=tmp_path, env=environment())
