@@ -241,7 +241,7 @@ def test_longest_first_packs_the_cores():
 
 @pytest.fixture(scope="module")
 def complete(tmp_path_factory):
-    """A sweep of four points, run without disturbance; what is timed asks for it, too: the kernels are compiled then."""
+    """A sweep of four points, run undisturbed; what is timed asks for it, too: the kernels are compiled then."""
     folder = tmp_path_factory.mktemp("complete")
     written(folder, FOUR)
     done = sweep(folder, "s.yaml")
