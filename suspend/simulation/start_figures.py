@@ -19,6 +19,8 @@ from suspend.initial import InitialConfiguration
 from suspend.packing import DENSEST, FREEZING
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
+FEWEST = 30  # spheres, below which density fluctuations say nothing
+
 
 class Compared(NamedTuple):
     """A figure and that of the fluid; NaN where there is none."""
@@ -43,7 +45,8 @@ class StartFigures(NamedTuple):
 
     def meta(self) -> dict:
         """What is stored with the run: names of plain values, left out where there is none."""
-        compared = {name: getattr(self, name) for name in ("contact_value", "s_qmin", "beta0")}
+        named = ((name, getattr(self, name)) for name in ("contact_value", "s_qmin", "beta0"))
+        compared = {name: pair for name, pair in named if math.isfinite(pair.value)}
         values = {
             "start_kind": self.kind,
             **{f"start_{name}": pair.value for name, pair in compared.items()},
@@ -93,7 +96,7 @@ def start_figures(initial: InitialConfiguration, minimum_gap: float | None) -> S
         packing.kind if packing is not None else "file",
         phi,
         Compared(contact.contact_value if packing is not None else contact.value, fluid[0]),
-        Compared(smallest_wave_structure(x, length, tilt), fluid[1]),
+        Compared(smallest_wave_structure(x, length, tilt) if len(x) >= FEWEST else math.nan, fluid[1]),
         Compared(beta, fluid[2]),
         note,
         order.global_q6,
@@ -106,6 +109,8 @@ def start_figures(initial: InitialConfiguration, minimum_gap: float | None) -> S
 def _no_exponent(number: int, length: float) -> str:
     if not holds_range(length):
         return f"L/4 is {0.25 * length:.3g} a, below {MINIMUM_RANGE * SMALLEST:g} a"
+    if number < FEWEST:
+        return f"fewer than {FEWEST} spheres"
     return f"more than {ALL_PAIRS} spheres" if number > ALL_PAIRS else ""
 
 
