@@ -11,7 +11,7 @@ from suspend.flow import Flow, make_flow
 from suspend.forces import interaction_range, pair_force
 
 # measured at N = 500, phi = 0.40, cutoff 4 a (benchmarks/bench_evaluation.py, one core)
-SECONDS_PER_PAIR = 2.8e-7  # and velocity evaluation
+SECONDS_PER_PAIR = 3.3e-7  # and velocity evaluation: 1.94 ms in a whole run
 # at integrator.tolerance 1e-3, gamma0 0.1 to 3.2 to total strain 256: 329, 179, 104, 81, 63 to 74 a unit strain
 EVALUATIONS_PER_STRAIN = 65.0
 EVALUATIONS_PER_SAMPLE = 2.06  # where samples are closer together than steps would be

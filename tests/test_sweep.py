@@ -533,6 +533,24 @@ def test_workers_stop_when_their_call_is_killed(tmp_path, complete):
     assert all(holder(call.places[p.key], PointLock.NAME) is None for p in call.points)
 
 
+def test_suspended_workers_do_not_keep_a_stopped_call(tmp_path, complete):
+    """SIGSTOP of a worker, then SIGTERM of the call: it ends with 130 and a checkpoint as ever."""
+    written(tmp_path, BASE.replace("cycles: 2", "cycles: 40000") + "seeds: 1\n")
+    process = subprocess.Popen(command("s.yaml", "-q"), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE)
+    while not list(tmp_path.glob("runs/s/*/moduli.csv")):
+        time.sleep(0.05)
+        assert process.poll() is None
+    (worker,) = set(processes_of(tmp_path)) - {process.pid}
+    os.kill(worker, signal.SIGSTOP)
+    process.terminate()
+    try:
+        process.communicate(timeout=30)
+    finally:
+        os.kill(worker, signal.SIGCONT) if worker in processes_of(tmp_path) else None
+    assert process.returncode == 130
+    assert all(content[1] >= 1 for content in contents(tmp_path / "runs/s").values())
+
+
 def crontab_line():
     """Command of the crontab line in the README."""
     readme = (ROOT / "README.md").read_text()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -210,6 +211,7 @@ class LocalSweep:
         """Stop what runs, wait for the checkpoints, and sort it."""
         for each in self.running:
             each.process.terminate()
+            each.process.send_signal(signal.SIGCONT)  # one that is suspended would never hear of it
         codes = [each.process.wait() for each in self.running]
         ended, self.running = self.running, []
         for each, code in zip(ended, codes, strict=True):
