@@ -117,6 +117,14 @@ runs:
     assert "phi-0.1" in points[0].name and "gamma0-0.1" in points[0].name and "seed-1" in points[0].name
 
 
+def test_names_tell_keys_of_one_last_word_apart(tmp_path):
+    """tolerance and solver.tolerance, both varied, and a section switched off."""
+    varied = "{tolerance: [1e-3], solver.tolerance: [1e-6], repulsion: [null, {force: 1, debye_length: 0.1}]}"
+    text = f"{BASE}vary: {varied}\n"
+    names = [point.name for point in points_of(tmp_path, text)]
+    assert names[0].startswith("tolerance-0.001_solver-tolerance-1e-06_repulsion-off_") and len(set(names)) == 2
+
+
 def test_a_linear_range_of_integers(tmp_path):
     """Ends included, whole numbers for a key that is one."""
     points = points_of(tmp_path, BASE + "vary: {particles.number: {from: 8, to: 11, steps: 4}}\n")

@@ -126,7 +126,10 @@ def short_name(key: str) -> str:
 
 
 def _label(values: Mapping[str, Any], shown: list[str]) -> str:
-    parts = [f"{short_name(name)}-{_text(values[name])}" for name in shown if name in values]
+    short = [short_name(name) for name in shown]
+    # Two keys of one last word are told apart by their sections.
+    names = [word if short.count(word) == 1 else key.replace(".", "-") for key, word in zip(shown, short, strict=True)]
+    parts = [f"{name}-{_text(values[key])}" for key, name in zip(shown, names, strict=True) if key in values]
     return "_".join(parts)[:120] or "base"
 
 
