@@ -10,9 +10,6 @@ from pathlib import Path
 import click
 from click.shell_completion import CompletionItem
 
-TIME = re.compile(r"(?:([\d.]+)d)?(?:([\d.]+)h)?(?:([\d.]+)m)?(?:([\d.]+)s?)?", re.ASCII | re.IGNORECASE)
-SCHEDULED = re.compile(r"(?:(\d+)-(\d+)(?::(\d+)(?::(\d+))?)?|(?:(\d+):)?(\d+):(\d+))", re.ASCII)
-SECONDS = (86400.0, 3600.0, 60.0, 1.0)
 FEATURES = re.compile(r"[+-][\w.-]+(,[+-][\w.-]+)*", re.ASCII)  # LLVM ends the process for other text
 FIGURES = (".png", ".pdf")  # `suspend.plots.FORMATS`, known here without importing matplotlib
 
@@ -79,28 +76,12 @@ class DurationType(click.ParamType):
         """Seconds, more than 0."""
         if isinstance(value, int | float):
             return float(value)
-        scheduled = SCHEDULED.fullmatch(value.strip())
-        if scheduled:
-            total = _scheduled(scheduled)
-            if total > 0.0:
-                return total
-        match = TIME.fullmatch(value.strip())
-        try:
-            parts = [float(part or 0) for part in match.groups()] if match else [0.0]
-            total = sum(part * unit for part, unit in zip(parts, SECONDS[-len(parts) :], strict=True))
-        except ValueError:
-            total = 0.0
-        if not 0.0 < total < float("inf"):
-            examples = "90, 90s, 10m, 2h, 1h30m, 01:30:00 or 1-12:00:00"
-            self.fail(f"found {value!r}; must be a time > 0 such as {examples}", param, ctx)
+        from suspend.config.wall_time import EXAMPLES, wall_seconds
+
+        total = wall_seconds(value)
+        if total is None:
+            self.fail(f"found {value!r}; must be a time > 0 such as {EXAMPLES}", param, ctx)
         return total
-
-
-def _scheduled(match: re.Match) -> float:
-    """Seconds of D-HH[:MM[:SS]] or [HH:]MM:SS."""
-    days, day_hours, day_minutes, day_seconds, *clock = (float(part or 0) for part in match.groups())
-    parts = (days, day_hours, day_minutes, day_seconds) if match.group(1) else (0.0, *clock)
-    return sum(part * unit for part, unit in zip(parts, SECONDS, strict=True))
 
 
 class Threads(click.ParamType):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 import click
 
@@ -14,6 +15,7 @@ Examples:
   suspend sweep configs/phase_diagram.yaml --dry-run        the points, with time and memory of each
   suspend sweep configs/phase_diagram.yaml                  run what is missing
   suspend sweep configs/phase_diagram.yaml --max-time 50m   the same, for cron: go on where the last call stopped
+  suspend sweep configs/phase_diagram.yaml --emit slurm-array > job.sh && sbatch job.sh
   suspend sweep status runs/phase_diagram
   suspend sweep collect runs/phase_diagram -o table.csv
 
@@ -39,6 +41,16 @@ The file (YAML):
   workers: 2                          processes [default: all cores]
   retries: 2                          of a point that fails, over all calls
   memory: 8 GB                        for all runs together [default: what is free]
+  cluster:                            jobs of a batch system
+    kind: slurm                       slurm, pbs or sge
+    workers: 64                       points at a time
+    cores: 8                          of a job, a point each [default: 1]
+    memory: 16 GB                     of a job [default: 2 GB a core]
+    walltime: 12:00:00                of a job [default: 4 h]; interrupted points go on in another
+    queue: normal                     or partition [default: the site's]
+    account: physics
+    directives: ["--constraint=x"]    for the head of the job script
+    prologue: ["module load x"]       lines of shell before the work
 """
 
 
@@ -72,24 +84,82 @@ folder_option = click.option(
 @click.option("--max-time", type=DurationType(), metavar="T", help="Stop all with checkpoints after T: 50m, 01:30:00.")
 @click.option("--retry-failed", is_flag=True, help="Try points again that failed for good.")
 @click.option("--dry-run", is_flag=True, help="Print the points, their predicted time and memory. Run nothing.")
+@click.option(
+    "--point", metavar="K", help="Compute one point, by its number in --dry-run or its name; others may run beside it."
+)
+@click.option(
+    "--emit", type=click.Choice(["slurm-array"]), help="Print a script for sbatch, one job a point. Run nothing."
+)
+@click.option("--script", type=Place(), metavar="FILE", help="Where --emit writes. [default: stdout]")
 @quiet_option
-def run_sweep(file, output, workers, max_time, retry_failed, dry_run, quiet) -> None:
+def run_sweep(file, output, dry_run, **how) -> None:
     """Compute what is missing of the sweep in FILE.
 
     Complete points are skipped, interrupted ones go on, failed ones are tried again; nothing is printed where there is
     nothing to do. Every point has a folder with its run and its log (suspend.log).
     """
-    from suspend.errors import Interrupted
-    from suspend.io.files import InUseError
-    from suspend.sweep.run import compute, is_due, open_call, prepare
+    from suspend.sweep.run import prepare
 
+    _check_options(dry_run, how)
     call = prepare(file, output)
     if dry_run:
         from suspend.sweep.overview import overview
 
-        click.echo("\n".join(overview(call, workers)))
+        click.echo("\n".join(overview(call, how["workers"])))
+    elif how["emit"]:
+        _emit(call, file, how["script"], how["quiet"])
+    elif how["point"] is not None:
+        _run_point(call, how)
+    else:
+        _run_all(call, file, how)
+
+
+def _check_options(dry_run: bool, how: dict) -> None:
+    """Refuse options that contradict each other."""
+    given = [f"--{name}" for name in ("point", "emit") if how[name] is not None] + ["--dry-run"] * dry_run
+    if len(given) > 1:
+        raise click.UsageError(f"{given[0]} and {given[1]} do not go together: give one of them")
+    if how["script"] is not None and how["emit"] is None:
+        raise click.UsageError("--script FILE says where --emit writes: give --emit slurm-array, too")
+    if how["point"] is not None and how["workers"] is not None:
+        raise click.UsageError("--point computes one point in one process: leave out --workers")
+
+
+def _emit(call, file, script, quiet: bool) -> None:
+    from suspend.io.files import replace_text, storage_errors
+    from suspend.sweep.slurm_array import slurm_array
+
+    if not call.left:
+        if not quiet:
+            click.echo(f"{file}: all {len(call.points)} points are complete, there is nothing to submit", err=True)
         return
-    if not (call.changed or is_due(call, retry_failed)):
+    text, notes = slurm_array(call, file)
+    if script in (None, "-"):
+        click.echo(text, nl=False)
+    else:
+        with storage_errors("write", script):
+            replace_text(Path(script), text)
+        notes.append(f"{len(call.left)} points: sbatch {script}")
+    if not quiet:
+        for note in notes:
+            click.echo(note, err=True)
+
+
+def _run_point(call, how: dict) -> None:
+    from suspend.sweep.run import compute_one
+    from suspend_cli.sweep_progress import SweepProgress
+
+    with SweepProgress(quiet=how["quiet"]) as progress:
+        compute_one(call, how["point"], how["retry_failed"], how["max_time"], progress.event)
+
+
+def _run_all(call, file, how: dict) -> None:
+    from suspend.errors import Interrupted
+    from suspend.io.files import InUseError
+    from suspend.sweep.run import is_due, open_call
+
+    quiet = how["quiet"]
+    if not (call.changed or is_due(call, how["retry_failed"])):
         return
     call.folder.make()
     try:
@@ -106,16 +176,21 @@ def run_sweep(file, output, workers, max_time, retry_failed, dry_run, quiet) -> 
             more = f" and {len(call.former) - SHOWN} more" if len(call.former) > SHOWN else ""
             names = ", ".join(call.former[:SHOWN]) + more
             click.echo(f"{call.folder.path}: no longer in {file}, kept but not run: {names}", err=True)
-        open_call(call, retry_failed)
+        open_call(call, how["retry_failed"])
         if is_due(call):
-            from suspend_cli.sweep_progress import SweepProgress
-
-            with SweepProgress(quiet=quiet) as progress:
-                counts = f"{len(call.points)} points, {call.done} complete, {len(call.left)} to do"
-                progress.message(f"{file} -> {call.folder.path}: {counts}")
-                compute(call, workers, max_time, progress.event, progress.report)
+            _compute_all(call, file, how)
     finally:
         lock.release()
+
+
+def _compute_all(call, file, how: dict) -> None:
+    from suspend.sweep.run import compute
+    from suspend_cli.sweep_progress import SweepProgress
+
+    with SweepProgress(quiet=how["quiet"]) as progress:
+        counts = f"{len(call.points)} points, {call.done} complete, {len(call.left)} to do"
+        progress.message(f"{file} -> {call.folder.path}: {counts}")
+        compute(call, how["workers"], how["max_time"], progress.event, progress.report)
 
 
 @sweep.command("status")

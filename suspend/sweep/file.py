@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,16 +12,15 @@ from suspend.config.load import read_text
 from suspend.config.schema import every_key
 from suspend.config.tree import Item, Problems, parse
 from suspend.errors import ConfigurationError
+from suspend.sweep.cluster_section import ClusterSection, read_cluster
+from suspend.sweep.sizes import memory_bytes
 
 DEPTH = 7  # a list within a section within the base of a block
 BLOCK_KEYS = ("base", "set", "vary", "zip", "seeds")
-TOP_KEYS = (*BLOCK_KEYS, "runs", "workers", "retries", "memory")
+TOP_KEYS = (*BLOCK_KEYS, "runs", "workers", "retries", "memory", "cluster")
 RANGE_KEYS = ("from", "to", "steps", "spacing")
 MOST_VALUES = 100_000
 RETRIES = 2
-MEMORY = re.compile(r"([0-9]*\.?[0-9]+) *([KMGT]i?)?B?", re.ASCII | re.IGNORECASE)
-UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
-UNITS |= {f"{prefix}i": 1024**power for power, prefix in enumerate("kmgt", 1)}
 
 Axis = list[tuple[tuple[str, Item], ...]]  # choices, each of values for one or more keys
 
@@ -48,6 +46,7 @@ class Sweep:
     workers: int | None = None
     retries: int = RETRIES
     memory: float | None = None
+    cluster: ClusterSection | None = None
 
 
 def read_sweep(path: str | Path) -> Sweep:
@@ -100,9 +99,11 @@ class _Reader:
                     blocks.append(self._block(item.where, top, self._known(item, BLOCK_KEYS, "runs")))
         workers, retries = self._count(top, "workers", 1), self._count(top, "retries", 0)
         found = [block for block in blocks if block is not None]
+        cluster = read_cluster(top["cluster"], self.problems) if "cluster" in top else None
         return Sweep(
-            str(self.path), found, workers, RETRIES if retries is None else retries, self._memory(top.get("memory"))
-        )
+            str(self.path), found, workers, RETRIES if retries is None else retries, self._memory(top.get("memory")),
+            cluster,
+        )  # fmt: skip
 
     def _known(self, item: Item, keys: tuple[str, ...], within: str) -> dict[str, Item]:
         for name, child in item.value.items():
@@ -268,11 +269,9 @@ class _Reader:
     def _memory(self, item: Item | None) -> float | None:
         if item is None:
             return None
-        match = MEMORY.fullmatch(item.text.strip())
-        size = float(match.group(1)) * UNITS[(match.group(2) or "").lower()] if match else 0.0
-        if not size >= 1e6:
+        size = memory_bytes(item.text)
+        if size is None:
             self.problems.add(item.where, "memory", f"found {item.found}; must be a size such as 8 GB or 500 MB")
-            return None
         return size
 
 

@@ -93,6 +93,13 @@ class Folder:
         with storage_errors("create", self.path):
             self.path.mkdir(parents=True, exist_ok=True)
 
+    def make_within(self, name: str) -> Path:
+        """Create a folder in it that is none of a point. Raises StorageError."""
+        path = self.path / name
+        with storage_errors("create", path):
+            path.mkdir(parents=True, exist_ok=True)
+        return path
+
     def lock(self) -> SweepLock:
         """Exclusive use of the sweep. Raises InUseError where another call has it."""
         return SweepLock(self.path)

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
-import suspend
 from suspend.errors import Interrupted, NumericalError, StorageError
-from suspend.io.files import storage_errors
 from suspend.simulation.stop import Stop
 from suspend.sweep.folder import (
     LOG,
@@ -27,13 +22,13 @@ from suspend.sweep.folder import (
     write_record,
 )
 from suspend.sweep.prediction import Task
+from suspend.sweep.process import start_process
 from suspend.sweep.worker import DISK
 
 SHORTEST = 1.0  # seconds left in which nothing is begun any more
 POLL = 0.1  # seconds between looks at the processes
 REPORT = 0.5  # seconds between reports
 BUSY = 2.0  # seconds between looks at a point that a process of an earlier call still computes
-THREADS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass
@@ -145,18 +140,8 @@ class LocalSweep:
     def _launch(self, task: Task, stop: Stop) -> Running:
         write_configuration(task.folder, task.point.config)
         task.record = read_record(task.folder)
-        command = [sys.executable, "-m", "suspend.sweep.worker", str(task.folder), str(self.folder.path)]
-        command.append(task.point.config.directory)
-        if stop.deadline is not None:
-            command.append(f"{max(stop.deadline - time.monotonic(), 1e-3):.3f}")
-        log = task.folder / LOG
-        with storage_errors("write", log):
-            output = open(log, "ab")  # noqa: SIM115 (the process keeps it)
-        with output:
-            process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=worker_environment(),
-                start_new_session=True,  # Ctrl-C reaches this process alone, which then stops the others
-            )  # fmt: skip
+        left = None if stop.deadline is None else max(stop.deadline - time.monotonic(), 1e-3)
+        process = start_process(task.folder, self.folder.path, task.point.config.directory, left)
         self.event("start", task, "")
         return Running(task, process, time.monotonic(), task.record, task.record)
 
@@ -219,10 +204,3 @@ class LocalSweep:
             # On its way into the run a process has nothing to save and goes at once; the disk is known to be full.
             stopped = code < 0 or code == DISK
             self._ended(each.task, each.began, Interrupted.exit_code if stopped else code)
-
-
-def worker_environment() -> dict[str, str]:
-    """Environment of a process: one thread, and this package where it is."""
-    place = str(Path(suspend.__file__).resolve().parent.parent)
-    paths = [place, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
-    return os.environ | dict.fromkeys(THREADS, "1") | {"PYTHONPATH": os.pathsep.join(dict.fromkeys(paths))}

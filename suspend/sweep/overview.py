@@ -18,14 +18,15 @@ def overview(call: Call, workers: int | None = None) -> list[str]:
     check_memory(to_do, memory)
     workers = workers or call.sweep.workers or cores()
     width = max(len(task.folder.name) for task in tasks)
-    lines = [f"{'point'.ljust(width)}  {'predicted':>10} {'measured':>10} {'memory':>9}  state"]
+    numbers = {point.key: number for number, point in enumerate(call.points, 1)}
+    lines = [f"{'':>5} {'point'.ljust(width)}  {'predicted':>10} {'measured':>10} {'memory':>9}  state"]
     for task in tasks:
         failed = task.record.failures > call.sweep.retries
         going = f"at strain {task.record.strain:.4g}" if task.record.strain else "to do"
         state = "complete" if task.point.key not in left else "failed" if failed else going
         measured = f"{task.record.seconds:.0f} s" if task.record.seconds else ""
         figures = f"{task.seconds:8.0f} s {measured:>10} {task.memory / 1e6:6.0f} MB"
-        lines.append(f"{task.folder.name.ljust(width)}  {figures}  {state}")
+        lines.append(f"{numbers[task.point.key]:>5} {task.folder.name.ljust(width)}  {figures}  {state}")
     factor = pace([task for task in tasks if task.point.key not in left])
     remaining = [task.remaining * (factor or 1.0) for task in to_do]
     resources = f"{workers} core(s), {memory / 1e9:.3g} GB"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import difflib
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from suspend.errors import NumericalError
+from suspend.errors import ConfigurationError, Interrupted, NumericalError
+from suspend.io.files import InUseError
 from suspend.sweep.file import Sweep, read_sweep
 from suspend.sweep.folder import Folder, at_work, failure_text, is_complete, read_record, write_record
 from suspend.sweep.points import Point, check_points, resolve
@@ -59,11 +61,59 @@ def open_call(call: Call, retry_failed: bool = False) -> None:
     ]
     call.folder.write_manifest(call.sweep.source, entries, call.former, call.sweep.retries)
     if retry_failed:
-        for point in call.left:
-            folder = call.places[point.key]
-            record = read_record(folder)
-            if record.failures:
-                write_record(folder, replace(record, failures=0))
+        forget_failures(call)
+
+
+def forget_failures(call: Call) -> None:
+    """Let points that failed for good be tried again. Raises StorageError."""
+    for point in call.left:
+        folder = call.places[point.key]
+        record = read_record(folder)
+        if record.failures:
+            write_record(folder, replace(record, failures=0))
+
+
+def pick(call: Call, which: str) -> Call:
+    """The call restricted to one point: its number from 1 in the order of the file, its name, its folder or its key.
+
+    Raises ConfigurationError.
+    """
+    for number, point in enumerate(call.points, 1):
+        if which in (str(number), point.name, call.places[point.key].name, point.key):
+            return replace(call, points=[point], left=[each for each in call.left if each.key == point.key])
+    close = difflib.get_close_matches(which, [point.name for point in call.points], 1, 0.6)
+    hint = f", such as {close[0]}" if close else "; --dry-run lists them"
+    raise ConfigurationError(
+        f"{call.sweep.source} has no point {which!r}: give a number from 1 to {len(call.points)} or a name{hint}"
+    )
+
+
+def compute_one(call: Call, which: str, retry_failed: bool, max_time: float | None, event: Callable) -> None:
+    """Compute one point in this call; any number of such calls may be at work beside each other.
+
+    Raises as `LocalSweep`, Interrupted where another process computes the point.
+    """
+    one = pick(call, which)
+    if not is_due(one, retry_failed):
+        return
+    call.folder.make()
+    try:
+        lock = call.folder.lock()
+    except InUseError:  # whoever has it has written what the sweep is
+        pass
+    else:
+        try:
+            open_call(call)
+        finally:
+            lock.release()
+    (point,) = one.left
+    folder = call.places[point.key]
+    busy = at_work(folder)
+    if busy is not None:
+        raise Interrupted(f"{folder} is being computed ({busy}), nothing was started")
+    if retry_failed:
+        forget_failures(one)
+    compute(one, 1, max_time, event)
 
 
 def is_due(call: Call, retry_failed: bool = False) -> bool:

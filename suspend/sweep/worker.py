@@ -24,11 +24,14 @@ def main(arguments: list[str]) -> int:
     folder, sweep_folder, directory = Path(arguments[0]), Path(arguments[1]), arguments[2]
     max_time = float(arguments[3]) if len(arguments) > 3 else None
     threading.Thread(target=_watch_parent, daemon=True).start()
-    from suspend.errors import SuspendError
-    from suspend.io.files import is_disk_trouble
+    from suspend.errors import Interrupted, SuspendError
+    from suspend.io.files import InUseError, is_disk_trouble
 
     try:
         run_point(folder, sweep_folder, directory, max_time)
+    except InUseError as error:  # the work of another process, and no failure
+        _log(f"{error}")
+        return Interrupted.exit_code
     except SuspendError as error:
         with contextlib.suppress(OSError):
             _log(f"Error: {error}")
