@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -536,3 +537,44 @@ def test_cells_beyond_double_precision_are_refused(fraction):
     text += "flow: {type: oscillatory, amplitude: 1.0}\nduration: {cycles: 1}\n"
     with pytest.raises(ConfigurationError, match=r"particles\.volume_fraction: found 1e-\d+; must be >= 1.26e-26"):
         loads(text)
+
+
+@pytest.mark.parametrize("word", ["off", "no", "false", "null"])
+def test_terms_are_switched_off_by_one_rule(word):
+    """off, no, false or null: no repulsion, no contact, no external force, no lubrication; on: as it is by default."""
+    text = (
+        "{particles: {number: 4, volume_fraction: 0.1}, flow: {type: steady}, duration: {strain: 1.0}, "
+        f"repulsion: {word}, contact: {word}, external: {word}, lubrication: {word}}}"
+    )
+    config = loads(text)
+    assert (config.repulsion, config.contact, config.external) == (None, None, None)
+    assert config.lubrication.enabled is False
+    assert loads(config.to_yaml()) == config
+    assert loads(text.replace(f"lubrication: {word}", "lubrication: on")).lubrication.enabled is True
+
+
+@pytest.mark.parametrize("word", ["off", "no", "none", "null"])
+def test_the_far_field_is_off_by_a_word_that_is_proposed(word):
+    text = "{particles: {number: 4, volume_fraction: 0.1}, flow: {type: steady}, duration: {strain: 1.0}, "
+    text += "far_field: %s}"
+    with pytest.raises(ConfigurationError, match=r"far_field: .*write far_field: self"):
+        loads(text % word)
+
+
+def test_a_start_that_is_typed_belongs_to_the_current_folder(tmp_path, monkeypatch):
+    """In the file: beside the file. With --set: in the current folder, and the error names the one beside the file."""
+    for name in ("here", "there"):
+        (tmp_path / name).mkdir()
+    text = "{particles: {number: 4, volume_fraction: 0.1}, flow: {type: steady}, duration: {strain: 1.0}}"
+    (tmp_path / "there" / "c.yaml").write_text(text)
+    (tmp_path / "there" / "beside.npz").touch()
+    (tmp_path / "here" / "typed.npz").touch()
+    monkeypatch.chdir(tmp_path / "here")
+    config = load("../there/c.yaml", ["particles.initial=typed.npz"])
+    assert os.path.samefile(os.path.join(config.directory, config.particles.initial), "typed.npz")
+    assert loads(config.to_yaml(), directory=config.directory) == config
+    with pytest.raises(ConfigurationError, match=r"not in the current folder.*\.\./there/beside\.npz"):
+        load("../there/c.yaml", ["particles.initial=beside.npz"])
+    assert load("../there/c.yaml", ["particles.initial=quenched"]).particles.initial == "quenched"
+    (tmp_path / "there" / "c.yaml").write_text(text.replace("0.1}", "0.1, initial: beside.npz}"))
+    assert load("../there/c.yaml").particles.initial == "beside.npz"

@@ -16,6 +16,7 @@ from typing import Any
 
 from suspend.config.checks import check_consistency
 from suspend.config.keys import Key, Only, Section, keys_of, sections_of
+from suspend.config.physics import FORMERLY, PACKED
 from suspend.config.schema import Config, every_key
 from suspend.config.tree import Item, Problems, from_python, parse, scalar
 from suspend.errors import ConfigurationError, StorageError
@@ -92,12 +93,30 @@ def _configure(root: Item, problems: Problems, overrides: Sequence[str], directo
         _override(root, override, assigned, problems)
     reader = _Reader(problems)
     values = reader.root(root)
+    _place_start(values["particles"], reader.places, problems, directory)
     check_consistency(values, reader.places, problems)
     problems.raise_any()
     for name, part in sections_of(Config).items():
         if values[name] is not None:
             values[name] = part.cls(**values[name])
     return Config(**values, directory=directory)
+
+
+def _place_start(particles: dict, places: Mapping[str, str], problems: Problems, directory: str) -> None:
+    """A starting file typed with --set belongs to the current folder: make it relative to that of the configuration."""
+    initial = particles.get("initial")
+    if places.get("particles.initial") != "--set" or initial in (None, *PACKED, FORMERLY) or os.path.isabs(initial):
+        return
+    beside = os.path.join(directory, initial)
+    if not os.path.exists(initial) and os.path.exists(beside) and not os.path.samefile(directory or ".", "."):
+        problems.add(
+            "--set",
+            "particles.initial",
+            f"found {initial}; it is not in the current folder, to which what is typed belongs; there is {beside}, "
+            "beside the configuration",
+        )
+    elif os.path.abspath(directory) != os.getcwd():
+        particles["initial"] = os.path.relpath(initial, directory)
 
 
 def _override(root: Item, override: str, assigned: set[str], problems: Problems) -> None:
@@ -161,6 +180,10 @@ class _Reader:
         return values
 
     def _section(self, name: str, part: Section, item: Item | None) -> dict[str, Any] | None:
+        switch = "enabled" in keys_of(part.cls)
+        if switch and item is not None and (item.value is None or isinstance(item.value, bool)):
+            # off as every other term that can be off; the section's other keys keep their defaults
+            item = Item({"enabled": Item(bool(item.value), item.where, item.text)}, item.where, "")
         absent = item is None or item.value is None or (part.optional and item.value is False)
         if part.only is not None and part.only.key not in self.top:
             return None  # the deciding key is itself wrong
@@ -173,7 +196,7 @@ class _Reader:
         if absent:
             item = Item({}, item.where if item else self.places[""].partition(":")[0], "")
         if not isinstance(item.value, dict):
-            off = ", or null where the term is off" if part.optional else ""
+            off = ", or off where the term is off" if part.optional or switch else ""
             known = ", ".join(keys_of(part.cls))
             message = f"found {item.found}; must be a section with the keys {known}{off}"
             self.problems.add(item.where, name, message)

@@ -45,6 +45,10 @@ class Config:
         " 3/4 and stresslet 9/5 of the right ones)",
         default="self",
         choices=("ewald", "self", "identity"),
+        refused=tuple(
+            (value, "write far_field: self, each sphere's own drag, where the far field is off; or ewald | identity")
+            for value in (None, False, "none", "None", "off")
+        ),
     )
     ewald: Ewald | None = section(
         Ewald, "Ewald sum of the far field; all follows from the tolerance", optional=True, only=WITH_EWALD
