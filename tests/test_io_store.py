@@ -11,6 +11,7 @@ from io_records import CONFIG, META, assert_same, final_frame, record, state
 
 from suspend.errors import StorageError
 from suspend.io import CycleTable, Run, RunStore, describe, holds_run
+from suspend.io.files import replace_atomically, replace_text
 
 TABLE = CycleTable("moduli.csv", lambda r: {"G1' (Pa)": r["stress_fluid"][0, 0], "a, b": 0.1 * r["index"]})
 
@@ -272,3 +273,29 @@ def test_describe_and_holds_run(tmp_path):
     with RunStore.open(tmp_path / "run"):
         assert f"pid {os.getpid()}" in describe(tmp_path / "run")["running"]
     assert describe(tmp_path / "run/trajectory.h5")["cycles"] == 3
+
+
+def test_writers_beside_each_other_leave_each_other_alone(tmp_path):
+    """A file being replaced survives the start of a run in its folder and a second writer of the same name.
+
+    Two calls of one sweep write the point's configuration while the first one's process begins the run: no temporary
+    file may be shared by name or taken for one that a killed writer left. Old ones and the run's own go.
+    """
+    path, store = tmp_path / "configuration.yaml", None
+    own, old = tmp_path / "checkpoint.npz.1-a.tmp", tmp_path / "point.json.1-a.tmp"
+    own.touch()
+    old.touch()
+    os.utime(old, (0, 0))
+
+    def fill(temporary):
+        nonlocal store
+        temporary.write_text("first half, ")
+        store = RunStore.create(tmp_path, CONFIG, META)
+        replace_text(path, "of another writer")
+        with open(temporary, "a") as file:
+            file.write("second half")
+
+    replace_atomically(path, fill, sync=False)
+    store.close()
+    assert path.read_text() == "first half, second half"
+    assert not list(tmp_path.glob("*.tmp"))

@@ -12,14 +12,15 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
 from suspend.errors import StorageError
 
-TEMPORARY = ".tmp"  # one writer per directory (the lock), so one fixed temporary name per file is enough
+TEMPORARY = ".tmp"
+STALE = 3600.0  # seconds after which a temporary file of whatever name belongs to nobody
 _MOST_LINKS = 40  # as the kernel follows
 _PIECE = 1 << 20  # bytes copied at a time
 _REASONS = {
@@ -79,8 +80,11 @@ def _errno_of(error: BaseException) -> int | None:
 
 
 def temporary_name(path: Path) -> Path:
-    """Name of the temporary file that will replace `path` (same folder, so that the rename is atomic)."""
-    return path.with_name(path.name + TEMPORARY)
+    """A new name for the temporary file that will replace `path` (same folder, so that the rename is atomic).
+
+    No two are equal: beside the writer of a run others may write into its folder, such as two calls of one sweep.
+    """
+    return path.with_name(f"{path.name}.{os.getpid()}-{os.urandom(4).hex()}{TEMPORARY}")
 
 
 def replace_atomically(path: Path, fill: Callable[[Path], None], *, sync: bool) -> None:
@@ -201,10 +205,17 @@ def sync_path(path: Path) -> None:
         os.close(descriptor)
 
 
-def remove_temporaries(directory: Path) -> None:
-    """Remove temporary files that a killed run left behind. Call with the lock held. Raises OSError."""
+def remove_temporaries(directory: Path, names: Iterable[str]) -> None:
+    """Remove temporary files that a killed writer of the files `names` left behind, and very old ones of any file.
+
+    Call with the lock held under which these files are written: others in the folder may be written just now. Raises
+    OSError.
+    """
     for stale in directory.glob("*" + TEMPORARY):
-        stale.unlink(missing_ok=True)
+        own = any(stale.name.startswith(f"{name}.") for name in names)
+        with suppress(FileNotFoundError):
+            if own or time.time() - stale.stat().st_mtime > STALE:
+                stale.unlink()
 
 
 class InUseError(StorageError):

@@ -108,11 +108,15 @@ class RunStore:
             raise
         return store
 
+    def _files(self) -> list[str]:
+        """Names of the files that the holder of the lock writes."""
+        return [TRAJECTORY, CHECKPOINT, JOURNAL, *([self._table.name] if self._table else [])]
+
     def _begin(self, config_yaml: str, meta: dict) -> None:
         self.run_id, self.config_yaml, self.meta, self.finished = uuid.uuid4().hex, config_yaml, meta, False
         path = self.directory / TRAJECTORY
         with storage_errors("create", path):
-            remove_temporaries(self.directory)
+            remove_temporaries(self.directory, self._files())
             (self.directory / JOURNAL).unlink(missing_ok=True)
             data = h5md.empty_file(config_yaml, meta, self.run_id)
             replace_atomically(path, lambda temporary: write_bytes(temporary, [data]), sync=True)
@@ -138,7 +142,7 @@ class RunStore:
 
     def _recover(self) -> None:
         with storage_errors("tidy up", self.directory):
-            remove_temporaries(self.directory)
+            remove_temporaries(self.directory, self._files())
         with Run(self.directory) as run:
             self.run_id, self.config_yaml, self.meta = run.run_id, run.config_yaml, run.meta
             self._content = self._latest_checkpoint(run)
