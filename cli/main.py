@@ -67,6 +67,7 @@ Examples:
   suspend analyze runs/demo --dynamics --structure
   suspend analyze runs/phi0.4_*                   many runs: values against amplitude, gamma_c
   suspend analyze runs/phi* --csv runs.csv        one row a run
+  suspend analyze runs/phase_diagram              the complete points of a sweep
 """
 
 SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 120}
@@ -177,13 +178,16 @@ def _print_result(result, as_json: bool) -> None:
 def analyze(paths, as_json, csv_path, plot_path, last, dynamics, structure) -> None:
     """Print the moduli, normal stresses and diffusivity of every cycle.
 
-    RUN is the folder of a run, which may still be going on. Of several runs, or a folder that holds them: values
-    of the last cycles against amplitude for each volume fraction, the four signatures of the transition, gamma_c.
+    RUN is the folder of a run, which may still be going on. Of several runs, or a folder that holds them, or a sweep
+    (its folder or its file): values of the last cycles against amplitude for each volume fraction, with the scatter
+    over seeds, the four signatures of the transition, gamma_c.
     """
     from suspend.analysis.run_paths import find_runs
+    from suspend_cli.options import runs_of
 
+    paths, sweeps = runs_of(paths)
     runs = find_runs(paths)
-    if len(runs) > 1:
+    if len(runs) > 1 or sweeps:
         if plot_path is not None:
             raise click.UsageError("--plot draws one run; `suspend plot` draws several")
         if dynamics or structure:

@@ -134,6 +134,18 @@ class Accuracy(click.ParamType):
         return accuracy
 
 
+def runs_of(paths) -> tuple[list[str], list[dict]]:
+    """The paths with sweeps replaced by their complete points, and the sweeps; what is left out goes to stderr."""
+    from suspend.sweep.runs import is_sweep, select_runs
+
+    if not any(map(is_sweep, paths)):
+        return list(paths), []
+    found = select_runs(paths)
+    for note in found.notes:
+        click.echo(f"Note: {note}", err=True)
+    return found.runs, found.sweeps
+
+
 overrides_option = click.option(
     "--set",
     "overrides",

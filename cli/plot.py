@@ -11,13 +11,16 @@ EPILOG = """
 Examples:
   suspend plot --list
   suspend plot viscosity runs/phi0.4_* -o figures/
+  suspend plot dynamics runs/phase_diagram -o figures/    the complete points of a sweep
   suspend plot viscosity-evolution runs/demo --format pdf --no-csv
   suspend plot snapshot runs/demo --cycle 0 --colour displacement
   suspend plot animation runs/demo -o cycle.gif
 
 \b
-RUNS are folders of runs, or folders that hold folders of runs. Figures of the paper go by name or
-number (viscosity, 2, 2b). The CSV behind each panel is written beside the picture.
+RUNS are folders of runs, folders that hold folders of runs, or sweeps (their folders or files).
+Figures of the paper go by name or number (viscosity, 2, 2b). The CSV behind each panel is written
+beside the picture. Points against amplitude are means over the seeds with their standard error, of
+one seed with that of its last cycles; the CSV says which.
 """
 
 NOTES = 6  # printed at most
@@ -102,7 +105,9 @@ def plot(figure, runs, output, kind, with_csv, **options) -> None:
     `suspend plot --list` prints the names.
     """
     from suspend.figures.make import make_figure
+    from suspend_cli.options import runs_of
 
+    runs, _ = runs_of(runs)
     formats = None if kind is None else ["png", "pdf"] if kind == "both" else [kind]
     drawn = make_figure(figure, runs, output, formats, with_csv=with_csv, **options)
     for note in drawn.notes[:NOTES]:

@@ -51,7 +51,7 @@ def make_run(path: Path, gamma0: float, phi: float = 0.4, seed: int = 1, cycles:
     def hydrodynamic(theta):
         first = eta_r(gamma0, phi)
         shear = (first - 1.0) * np.cos(theta) - first * thinning(gamma0) * np.cos(3.0 * theta)
-        n2 = (0.01 + abs(gamma0 - 0.8)) * np.cos(2.0 * theta) + 0.1 * np.cos(4.0 * theta)
+        n2 = 0.1 / doubling(gamma0) * np.cos(2.0 * theta) + 0.1 * np.cos(4.0 * theta)
         return unit * stress(shear, -0.1 + 0.3 * np.cos(2.0 * theta), n2, 0.0)
 
     def interparticle(theta):

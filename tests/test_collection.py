@@ -6,13 +6,14 @@ import csv
 import json
 import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from synthetic_runs import oscillatory_record, steady_record, stress, write_run
 
 from suspend.analysis.activity import ActiveFraction
-from suspend.analysis.collection import Collection
+from suspend.analysis.collection import Collection, Series
 from suspend.analysis.diffusion import SelfDiffusion
 from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
 from suspend.analysis.phase_diagram import PhaseDiagram
@@ -127,8 +128,44 @@ def test_other_physics_is_another_series(tmp_path):
     assert [len(s.groups) for s in found.series] == [1, 1, 1]
     labels = " | ".join(s.setup for s in found.series)
     assert "far_field = identity" in labels and "repulsion" in labels and "lubrication" not in labels
-    make_run(tmp_path / "d", 0.8, tolerance=1e-4, seed=2)
+    make_run(tmp_path / "d", 0.8, output={"samples_per_cycle": 64}, seed=2)
     assert [s.runs.tolist() for s in Collection().compute(tmp_path).series].count([2]) == 1
+
+
+def test_any_other_key_makes_groups_where_it_would_be_averaged(tmp_path):
+    """Two tolerances or kinds of start at one amplitude are two series, one key named for those that go together.
+
+    Along a curve, one value at each amplitude, they are one series and a note; files that starts are read from are one
+    kind of start.
+    """
+    for tolerance in (1e-3, 1e-4):
+        for gamma0 in (0.4, 0.8):
+            make_run(tmp_path / "a" / f"{tolerance}_{gamma0}", gamma0, tolerance=tolerance)
+    found = Collection().compute(tmp_path / "a").series
+    assert [s.setup for s in found] == ["tolerance = 0.0001", "tolerance = 0.001"]
+    assert [s.runs.tolist() for s in found] == [[1, 1], [1, 1]]
+    for gamma0, tolerance in ((0.4, 1e-3), (0.8, 1e-4)):
+        make_run(tmp_path / "b" / f"{gamma0}", gamma0, tolerance=tolerance)
+    along = Collection().compute(tmp_path / "b")
+    assert [s.setup for s in along.series] == [""] and any("tolerance differ" in note for note in along.notes)
+    for k, start in enumerate(("equilibrium", "quenched", "a.npz", "b.npz")):
+        make_run(tmp_path / "c" / start, 0.8, seed=k, particles=sphere_keys(start))
+    starts = Collection().compute(tmp_path / "c").series
+    assert [len(s.groups[0]) for s in starts] == [1, 1, 2] and starts[2].setup == "particles.initial = read from a file"
+
+
+def sphere_keys(start):
+    """Section particles with another start."""
+    return {"number": 4, "volume_fraction": 0.4, "initial": start}
+
+
+def test_a_run_without_the_value_is_not_in_the_mean_nor_its_error(folder):
+    """Of two runs one knows the value: mean and error are that run's own, though it is not the first."""
+    group = Collection().compute(folder).series[0].groups[0]
+    unknown = replace(group[0], values=group[0].values | {"D_cyc": math.nan}, errors=group[0].errors | {"D_cyc": 7.0})
+    known = replace(group[1], errors=group[1].errors | {"D_cyc": 0.5})
+    series = Series(0.3, "", ((unknown, known),))
+    assert series.mean("D_cyc")[0] == known.values["D_cyc"] and series.error("D_cyc")[0] == 0.5
 
 
 def test_window_and_total_strain(folder, tmp_path):

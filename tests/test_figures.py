@@ -22,7 +22,7 @@ from suspend.figures.runs import open_runs
 from suspend.figures.style import journal
 
 AMPLITUDES = (0.4, 0.8, 1.2, 2.0)
-TEXT_COLUMNS = {"setup", "state", "signature"}
+TEXT_COLUMNS = {"setup", "state", "signature", "error_over"}
 
 
 @pytest.fixture(scope="module")

@@ -138,7 +138,8 @@ def test_bootstrap_over_seeds():
     assert not any("coarse" in note for note in quiet.notes)
     series = series_of(PAPER, seeds=4, scatter=1.2, minimum=0.9, thinning=0.75, onset=0.9, peak=0.85)
     found = Signatures(resamples=2000).compute(series).confidence("minimum of eta_r'")
-    values, random = series.samples("eta_r_prime"), np.random.default_rng(99)
+    values = [[member.values["eta_r_prime"] for member in group] for group in series.groups]
+    random = np.random.default_rng(99)
     at = np.array([np.argmin([random.choice(v, 4).mean() for v in values]) for _ in range(2000)])
     original = int(np.argmin(series.mean("eta_r_prime")))
     same = float(np.mean(at == original))

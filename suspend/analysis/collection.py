@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from suspend.analysis.quantity import Quantity
 from suspend.analysis.relaxation import Relaxation
 from suspend.analysis.run_paths import find_runs
 from suspend.analysis.samples import read_seed
+from suspend.analysis.setups import complete_configuration, labels, physics, settings
 from suspend.analysis.steady import steady_average
 from suspend.analysis.summary import Analysis, analyze_run
 from suspend.errors import ConfigurationError, SuspendError, named
@@ -22,7 +23,6 @@ from suspend.io import Run
 
 QUANTITIES = ("eta_r_prime", "minus_eta3_over_eta1", "minus_N2_nu0", "nu4_over_nu2", "D_cyc", "N1_nu0")
 DRIFT_WATCHED = ("eta_r_prime", "minus_N2_nu0", "D_cyc")
-_PHYSICS = ("far_field", "lubrication", "repulsion", "contact", "external")  # what makes runs incomparable
 _SAME = 1e-9  # relative: amplitudes and volume fractions closer than this are equal
 
 
@@ -33,7 +33,7 @@ class Member:
     values, errors: by name (see `Collection`), errors with the correlation of the cycles included; drifting: names of
     DRIFT_WATCHED whose trend over the last half of the run is significant; state: absorbing, diffusing or undecided
     (see `Relaxation`); total_strain: gamma_tot at the end of the last averaged cycle; setup: physics of the run by key;
-    notes: those of `analyze`.
+    settings: all else that may matter (see `suspend.analysis.setups`); notes: those of `analyze`.
     """
 
     path: str
@@ -51,6 +51,26 @@ class Member:
     state: str
     setup: dict[str, Any]
     notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class SeedAverage(NamedTuple):
+    """Mean over `count` runs that differ in their seeds, and its standard error."""
+
+    mean: float
+    error: float
+    count: int
+
+
+def seed_average(values: Sequence[float], errors: Sequence[float]) -> SeedAverage:
+    """Mean of the finite values; error: their scatter over the root of their number, of a single one its own error."""
+    values, errors = np.asarray(values, float), np.asarray(errors, float)
+    known = np.isfinite(values)
+    count = int(known.sum())
+    if count == 0:
+        return SeedAverage(math.nan, math.nan, 0)
+    error = values[known].std(ddof=1) / math.sqrt(count) if count > 1 else errors[known][0]
+    return SeedAverage(float(values[known].mean()), float(error), count)
 
 
 @dataclass(frozen=True)
@@ -72,28 +92,30 @@ class Series:
         return np.array([len(group) for group in self.groups])
 
     @property
+    def far_field(self) -> bool:
+        """Whether its runs have far-field hydrodynamics."""
+        return self.groups[0][0].setup.get("far_field") == "ewald"
+
+    @property
     def title(self) -> str:
         """phi = ..., and the setup where the collection holds several."""
         return f"phi = {self.phi:g}" + (f", {self.setup}" if self.setup else "")
 
-    def samples(self, name: str) -> list[np.ndarray]:
-        """Values of all runs at each amplitude, without those that are not finite."""
-        found = [np.array([member.values.get(name, math.nan) for member in group]) for group in self.groups]
-        return [values[np.isfinite(values)] for values in found]
+    def averages(self, name: str) -> list[SeedAverage]:
+        """Average over the runs at each amplitude."""
+        found = []
+        for group in self.groups:
+            values, errors = ([getattr(m, kind).get(name, math.nan) for m in group] for kind in ("values", "errors"))
+            found.append(seed_average(values, errors))
+        return found
 
     def mean(self, name: str) -> np.ndarray:
         """Mean over the runs at each amplitude (n,); NaN where none has a value."""
-        return np.array([values.mean() if values.size else math.nan for values in self.samples(name)])
+        return np.array([average.mean for average in self.averages(name)])
 
     def error(self, name: str) -> np.ndarray:
         """Standard error (n,): over the runs where there are several, else that of the single run over its cycles."""
-        errors = []
-        for group, values in zip(self.groups, self.samples(name), strict=True):
-            if values.size > 1:
-                errors.append(values.std(ddof=1) / math.sqrt(values.size))
-            else:
-                errors.append(next((m.errors.get(name, math.nan) for m in group), math.nan))
-        return np.array(errors)
+        return np.array([average.error for average in self.averages(name)])
 
 
 class Collection(Quantity):
@@ -104,8 +126,9 @@ class Collection(Quantity):
     Values: every column of `analyze` by its name without unit, and
         minus_N2_nu0 = -nu_0/eta0, and nu4_over_nu2 = |<nu_4>|/|<nu_2>| of the coefficients averaged over the cycles
     (the mean of the magnitudes would stay at the level of the noise where a coefficient vanishes).
-    Runs with different physics or number of spheres are never averaged: they form different series. Runs that cannot
-    be used (damaged, no complete cycle, no oscillation) are left out and named in `notes`.
+    Runs with different physics or number of spheres are never averaged: they form different series, and so do runs of
+    one volume fraction and amplitude that differ in any other key but seed, duration and output. Runs that cannot be
+    used (damaged, no complete cycle, no oscillation) are left out and named in `notes`.
     """
 
     def __init__(self, last: int | None = None, strain: float | None = None):
@@ -126,15 +149,15 @@ class Collection(Quantity):
                 members.append(member)
         if not members:
             raise ConfigurationError("no usable run: " + ("; ".join(self._notes) or "none was given"))
-        self._series = _arrange(members)
-        self._notes += _shared_notes(members)
+        self._series, along = _arrange(members)
+        self._notes += _shared_notes(members, along)
         return self
 
     def _read(self, path: Path) -> Member | None:
         try:
             with Run(path) as run:
                 analysis = analyze_run(run, None, str(path))
-                config, finished, seed = run.config, run.finished, read_seed(run)
+                config, finished, seed = complete_configuration(run), run.finished, read_seed(run)
         except SuspendError as error:  # damaged, or its samples are not finite: one run does not hide the others
             self._notes.append(f"left out: {named(path, error)}")
             return None
@@ -146,7 +169,7 @@ class Collection(Quantity):
         if why is None:
             ends = np.flatnonzero(analysis.total_strain <= (self.strain or math.inf) * (1.0 + 1e-9))
             if ends.size:
-                return _member(analysis, config | {"seed": seed}, finished, len(ends), self.last)
+                return _member(analysis, {**config, "seed": seed}, finished, len(ends), self.last)
             why = f"its first cycle ends beyond total strain {self.strain:g}"
         self._notes.append(f"left out: {path}: {why}")
         return None
@@ -238,7 +261,8 @@ def _member(analysis: Analysis, config: Mapping, finished: bool, cycles: int, la
         errors=errors,
         drifting=tuple(name for name in DRIFT_WATCHED if averages[name].drifting),
         state=relaxation.state if known.any() else "unknown",
-        setup=_setup(config) | {"N": int(scales["number"])},
+        setup=physics(config),
+        settings=settings(config),
         notes=analysis.notes,
     )
 
@@ -254,33 +278,20 @@ def _coherent_ratio(values: Mapping, errors: Mapping) -> tuple[float, float]:
     return ratio, ratio * math.hypot(relative[2], relative[4])
 
 
-def _setup(config: Mapping) -> dict[str, Any]:
-    """The physics of a configuration by dotted key."""
-    found: dict[str, Any] = {}
-    for name in _PHYSICS:
-        section = config.get(name)
-        if isinstance(section, Mapping):
-            found |= {f"{name}.{key}": value for key, value in section.items()}
-        else:
-            found[name] = section
-    return found
-
-
-def _arrange(members: Sequence[Member]) -> list[Series]:
-    keys = sorted({key for m in members for key in m.setup})
-    differ = [key for key in keys if len({repr(m.setup.get(key)) for m in members}) > 1]
-    short = [key for key in differ if "." not in key or key.partition(".")[0] not in differ]
+def _arrange(members: Sequence[Member]) -> tuple[list[Series], list[str]]:
+    """The series, and keys that differ along a curve."""
+    places = [(_rounded(m.phi), _rounded(m.gamma0)) for m in members]
+    texts, along = labels(places, [m.setup for m in members], [m.settings for m in members])
     sets: dict[tuple, list[Member]] = {}
-    for member in members:
-        label = ", ".join(f"{key} = {member.setup.get(key, 'off')}" for key in short)
-        sets.setdefault((_rounded(member.phi), label), []).append(member)
+    for member, (phi, _), label in zip(members, places, texts, strict=True):
+        sets.setdefault((phi, label), []).append(member)
     series = []
     for (_, label), runs in sorted(sets.items()):
         amplitudes: dict[float, list[Member]] = {}
         for member in sorted(runs, key=lambda m: (m.gamma0, m.seed, m.path)):
             amplitudes.setdefault(_rounded(member.gamma0), []).append(member)
         series.append(Series(runs[0].phi, label, tuple(tuple(group) for group in amplitudes.values())))
-    return series
+    return series, along
 
 
 def _rounded(value: float) -> float:
@@ -293,8 +304,10 @@ def _names(members: Sequence[Member], most: int = 6) -> str:
     return names + (f" and {len(members) - most} more" if len(members) > most else "")
 
 
-def _shared_notes(members: Sequence[Member]) -> list[str]:
+def _shared_notes(members: Sequence[Member], along: Sequence[str]) -> list[str]:
     notes = []
+    if along:
+        notes.append(f"along the curves {', '.join(along)} differ: compare with care")
     going = [m for m in members if not m.finished]
     if going:
         notes.append(f"not finished, their complete cycles so far are used: {_names(going)}")
@@ -304,7 +317,7 @@ def _shared_notes(members: Sequence[Member]) -> list[str]:
         notes.append(f"total strain is {ends.max():g} at most; shorter: {_names(short)}: compare with care")
     twins: dict[tuple, list[str]] = {}
     for m in members:
-        key = (_rounded(m.phi), _rounded(m.gamma0), m.seed, repr(sorted(m.setup.items())))
+        key = (_rounded(m.phi), _rounded(m.gamma0), m.seed, repr((sorted(m.setup.items()), sorted(m.settings.items()))))
         twins.setdefault(key, []).append(m.path)
     for paths in twins.values():
         if len(paths) > 1:

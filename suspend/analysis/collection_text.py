@@ -20,10 +20,9 @@ _NOTES = 12
 
 def format_collection(collection: Collection, diagram: PhaseDiagram) -> str:
     """Steady-state values and signatures of each series, the phase diagram, notes."""
-    sections = [
-        f"{len(collection)} runs in {len(collection.series)} series; means over the last cycles and over seeds, "
-        "+- standard error"
-    ]
+    runs = "1 run" if len(collection) == 1 else f"{len(collection)} runs"
+    means = "means over the last cycles and over seeds; +- over seeds, of one over its cycles"
+    sections = [f"{runs} in {len(collection.series)} series; {means}"]
     for series, signatures in zip(collection.series, diagram.signatures, strict=True):
         sections.append(_values(series) + "\n\n" + _ranges(signatures))
     sections.append(_diagram(diagram))
@@ -77,6 +76,8 @@ def _confidence(signatures: Signatures, name: str) -> str:
     if found is None:
         return ""
     none = f", none in {100.0 * found['none']:.0f} %" if found["none"] else ""
+    if not math.isfinite(found["low"]):
+        return "   " + none.removeprefix(", ")
     return f"   ({found['low']:g}, {found['high']:g}), the same in {100.0 * found['same']:.0f} %{none}"
 
 

@@ -116,15 +116,21 @@ class PhaseDiagram(Quantity):
         return [f"{s.series.title}: {note}" for s in self._signatures for note in s.notes]
 
     def table(self) -> dict[str, np.ndarray]:
-        """One row a series: phi, setup, bound, 0.14 phi^-1.93, middle of the bound over it, steepest rise of D_cyc."""
+        """One row a series: phi, setup, the bound (and 95 % of those of resampled seeds), 0.14 phi^-1.93, the middle of
+
+        the bound over it, steepest rise of D_cyc.
+        """
         nothing = Range(math.nan, math.nan, math.nan)
         bounds, rises = [b or nothing for b in self.bounds], [s.rise or nothing for s in self._signatures]
         best = np.array([b.best for b in bounds])
+        seeds = [s.confidence("gamma_c") or {} for s in self._signatures]
         return {
             "phi[-]": self.phi,
             "setup": np.array([s.series.setup for s in self._signatures]),
             "gamma_c_low[-]": np.array([b.low for b in bounds]),
             "gamma_c_high[-]": np.array([b.high for b in bounds]),
+            "gamma_c_seeds_low[-]": np.array([s.get("low", math.nan) for s in seeds]),
+            "gamma_c_seeds_high[-]": np.array([s.get("high", math.nan) for s in seeds]),
             "experimental_fit[-]": self.reference,
             "ratio[-]": best / self.reference,
             "signatures_agreeing[-]": np.array([s.agreement[0] for s in self._signatures]),

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspend.analysis.collection import Series
+from suspend.analysis.collection import SeedAverage, Series, seed_average
 from suspend.figures.panel import Columns, Panel, labelled, stack
 from suspend.figures.runs import Runs
 from suspend.figures.style import BLACK, curve_style, errors_or_none, log_axis_of, number, zero_lines
@@ -24,7 +24,10 @@ _FILLS = ("none", "full", "left", "top", "right", "bottom")  # of markers, one f
 
 @dataclass(frozen=True)
 class Curve:
-    """One quantity of one series of runs against amplitude; the value is NaN where it is not known."""
+    """One quantity of one series of runs against amplitude; the value is NaN where it is not known.
+
+    runs: how many seeds have a value; error: standard error over them, of a single one over what `alone` says.
+    """
 
     phi: float
     setup: str
@@ -33,38 +36,40 @@ class Curve:
     value: np.ndarray
     error: np.ndarray
     runs: np.ndarray
+    alone: str = "cycles"
 
     @property
     def known(self) -> np.ndarray:
         """Where there is a value."""
         return np.isfinite(self.value)
 
+    @property
+    def error_over(self) -> np.ndarray:
+        """What the errors are the scatter of, at each amplitude: seeds, or within the single run."""
+        return np.where(self.runs > 1, "seeds", np.where(self.runs == 1, self.alone, ""))
+
 
 def curves_of(runs: Runs, name: str) -> list[Curve]:
     """A quantity of `suspend.analysis.collection` for every series of the runs."""
-    return [_curve(s, s.mean(name), s.error(name)) for s in runs.collection.series]
+    return [_curve(s, s.averages(name), "cycles") for s in runs.collection.series]
 
 
-def curves_by(runs: Runs, evaluate: Callable[[str], tuple[float, float]]) -> list[Curve]:
-    """As `curves_of`, for a value and its error from the path of each run; over seeds the mean and its error."""
+def curves_by(runs: Runs, evaluate: Callable[[str], tuple[float, float]], alone: str = "cycles") -> list[Curve]:
+    """As `curves_of`, for a value and its error (over `alone`) from the path of each run."""
     found = []
     for series in runs.collection.series:
-        values, errors = [], []
-        for group in series.groups:
-            each, own = np.array([evaluate(member.path) for member in group]).T
-            values.append(each.mean())
-            errors.append(each.std(ddof=1) / np.sqrt(len(each)) if len(each) > 1 else own[0])
-        found.append(_curve(series, np.array(values), np.array(errors)))
+        pairs = [[evaluate(member.path) for member in group] for group in series.groups]
+        found.append(_curve(series, [seed_average(*zip(*each, strict=True)) for each in pairs], alone))
     return found
 
 
-def _curve(series: Series, value: np.ndarray, error: np.ndarray) -> Curve:
-    far = series.groups[0][0].setup.get("far_field") == "ewald"
-    return Curve(series.phi, series.setup, far, series.gamma0, value, error, series.runs)
+def _curve(series: Series, averages: list[SeedAverage], alone: str) -> Curve:
+    value, error, count = (np.array(column) for column in zip(*averages, strict=True))
+    return Curve(series.phi, series.setup, series.far_field, series.gamma0, value, error, count, alone)
 
 
 def curve_table(curves: list[Curve], name: str, unit: str = "-") -> Columns:
-    """One row a point: phi, setup (where there are several), amplitude, value, error, number of runs."""
+    """One row a point: phi, setup (where there are several), amplitude, value, error, number of runs, kind of error."""
     several = len({c.setup for c in curves}) > 1
     return stack(
         [
@@ -75,6 +80,7 @@ def curve_table(curves: list[Curve], name: str, unit: str = "-") -> Columns:
                     f"{name}[{unit}]": c.value,
                     f"{name}_error[{unit}]": c.error,
                     "runs[-]": c.runs,
+                    "error_over": c.error_over,
                 },
             )
             for c in curves
@@ -86,12 +92,10 @@ def marker_style(curve: Curve, curves: list[Curve]) -> dict:
     """Colour and marker by volume fraction, filling by setup: full with far field, else empty first."""
     fractions = sorted({c.phi for c in curves})
     style = curve_style(fractions.index(curve.phi))
-    fill = fills(curves)[curve.setup]
-    face = {"none": {"markerfacecolor": "white"}, "full": {"markerfacecolor": style["color"]}}
-    return style | face.get(fill, {"fillstyle": fill, "markerfacecoloralt": "white"})
+    return style | fill_style(fills(curves)[curve.setup], style["color"])
 
 
-def fills(curves: list[Curve]) -> dict[str, str]:
+def fills(curves: Sequence[Curve | Series]) -> dict[str, str]:
     """Filling of the markers of each setup: full with far field, empty for the setup with the most points without."""
     points = {setup: sum(len(c.gamma0) for c in curves if c.setup == setup) for setup in {c.setup for c in curves}}
     ordered = sorted(points, key=lambda setup: (-points[setup], setup))
@@ -134,7 +138,7 @@ def values_of(curves: list[Curve]) -> np.ndarray:
 
 
 def fraction_entries(curves: list[Curve]) -> list:
-    """Legend entries: volume fractions by colour and marker, setups by filling where there are several."""
+    """Legend entries: volume fractions by colour and marker, setups by filling where there are several, the bars."""
     from matplotlib.lines import Line2D
 
     entries, seen = [], set()
@@ -143,16 +147,43 @@ def fraction_entries(curves: list[Curve]) -> list:
             seen.add(c.phi)
             style = marker_style(c, curves)
             entries.append(Line2D([], [], linewidth=0.7, label=rf"$\phi = {number(c.phi)}$", **style))
-    setups = fills(curves)
+    return [*entries, *setup_entries(curves), *error_entry(curves)]
+
+
+def setup_entries(curves: Sequence[Curve | Series]) -> list:
+    """Legend entries for the fillings of the setups; none for a single one."""
+    from matplotlib.lines import Line2D
+
+    setups, entries = fills(curves), []
     far = {c.setup: c.far_field for c in curves}
     plain = len(setups) == 2 and set(far.values()) == {True, False}
     for setup, fill in sorted(setups.items()) if len(setups) > 1 else ():
         text = ("with far field" if far[setup] else "without") if plain else short_setup(setup)
-        face = {"fillstyle": fill} if fill != "none" else {"markerfacecolor": "white"}
-        entries.append(
-            Line2D([], [], linestyle="", marker="o", color=BLACK, label=text, markerfacecoloralt="white", **face)
-        )
+        entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, label=text, **fill_style(fill, BLACK)))
     return entries
+
+
+def fill_style(fill: str, colour: str) -> dict:
+    """Keywords of a marker with this filling."""
+    face = {"none": {"markerfacecolor": "white"}, "full": {"markerfacecolor": colour}}
+    return face.get(fill, {"fillstyle": fill, "markerfacecoloralt": "white"})
+
+
+def error_entry(curves: list[Curve]) -> list:
+    """Legend entry that says what the bars are: standard errors over how many seeds, or within single runs."""
+    from matplotlib.lines import Line2D
+
+    shown = [c.known & np.isfinite(c.error) & (c.error > 0.0) for c in curves]
+    seeds = sorted({int(n) for c, k in zip(curves, shown, strict=True) for n in c.runs[k]})
+    if not seeds:
+        return []
+    several, parts = [n for n in seeds if n > 1], []
+    if several:
+        parts.append(f"{several[0]}" + (f"\u2013{several[-1]}" if len(several) > 1 else "") + " seeds")
+    if 1 in seeds:
+        parts.append(f"one: {curves[0].alone}" if several else curves[0].alone)
+    text = "s.e. over " + ",\n".join(parts)  # two short lines: panels are narrow
+    return [Line2D([], [], linestyle="", marker="|", markersize=7, color=BLACK, label=text)]
 
 
 def short_setup(setup: str) -> str:
@@ -166,7 +197,7 @@ def fraction_legend(ax: Axes, curves: list[Curve], row: float = _ROW) -> None:
     """The legend of `fraction_entries`; a long one gets room above the curves, `row` of the height for each entry."""
     entries = fraction_entries(curves)
     if len(entries) > _FEW:
-        headroom(ax, row * len(entries))
+        headroom(ax, row * sum(1 + str(entry.get_label()).count("\n") for entry in entries))
     ax.legend(handles=entries, loc="upper left" if len(entries) > _FEW else "best")
 
 

@@ -94,7 +94,7 @@ class FinalDiffusivity(Panel):
     """D_cyc of the last cycle that ends by total strain 256 against amplitude; shaded: the bounds on gamma_c."""
 
     def __init__(self, runs: Runs):
-        self.curves = curves_by(runs, final_diffusivity)
+        self.curves = curves_by(runs, final_diffusivity, "spheres")
         self.signatures = best_signatures(runs)
 
     def tables(self) -> dict[str, Columns]:

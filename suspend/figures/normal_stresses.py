@@ -17,6 +17,7 @@ from suspend.figures.amplitude import (
     curves_by,
     curves_of,
     draw_curves,
+    error_entry,
     fraction_legend,
     marker_style,
     values_of,
@@ -119,6 +120,7 @@ class SecondDifference(Panel):
             entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, markerfacecolor=face, label=text))
         if len({c.far_field for c in self.total}) == 2:
             entries.append(Line2D([], [], color=BLACK, linewidth=0.7, label="with far field"))
+        entries += error_entry(self.total)
         ax.legend(handles=entries, loc="upper left")
 
 

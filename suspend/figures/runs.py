@@ -90,14 +90,20 @@ class Runs(Sequence):
     def amplitudes(self, phi: float = PAPER_FRACTION) -> list[Member]:
         """One run for each amplitude (its first seed) at the volume fraction nearest to `phi`.
 
-        Of runs with and without far field, or of different N, those that cover more amplitudes.
+        Of setups (far field, N, ...) that with the most amplitudes, then the most runs; a note says which was taken.
         """
-        nearest = min((m.phi for m in oscillatory(self)), key=lambda value: abs(value - phi))
-        families: dict[tuple, dict[float, Member]] = {}
-        for m in self:
-            if math.isclose(m.phi, nearest, rel_tol=_SAME):
-                families.setdefault((m.far_field, m.number), {}).setdefault(float(f"{m.gamma0:.9g}"), m)
-        return list(max(families.values(), key=len).values())
+        members = oscillatory(self).members
+        if len(members) == 1:
+            return list(members)
+        series = self.collection.series
+        nearest = min(series, key=lambda s: abs(s.phi - phi)).phi
+        near = [s for s in series if math.isclose(s.phi, nearest, rel_tol=_SAME)]
+        best = max(near, key=lambda s: (len(s.groups), int(s.runs.sum())))
+        if len(series) > 1 or (best.runs > 1).any():
+            note = f"evolution and Lissajous curves are of one run (the first seed) at each amplitude of {best.title}"
+            self._notes += [note] if note not in self._notes else []
+        by_path = {str(m.path): m for m in members}
+        return [by_path[group[0].path] for group in best.groups]
 
     def nearest(self, gamma0: float, phi: float = PAPER_FRACTION) -> Member:
         """The run nearest to the amplitude, then to the volume fraction; the larger one of equals."""
