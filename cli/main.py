@@ -56,6 +56,7 @@ Examples:
 \b
 The same command again continues an unfinished run to a bit-identical result. A finished run
 is left as it is, unless its duration was extended: suspend run CONFIG --set duration.cycles=100
+--set duration.until_steady=0.02 ends it early, once its steady state is established
 """
 
 ANALYZE_EPILOG = """

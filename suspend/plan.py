@@ -112,7 +112,9 @@ def _flow_text(config, flow: Flow) -> str:
     if config.flow.type == "oscillatory":
         text = f"oscillatory, gamma0 {config.flow.amplitude:g}, {flow.cycles} cycles, total strain {end:g}"
         asked = config.duration.strain
-        return text + (f" (whole cycles for {asked:g})" if asked is not None and abs(asked - end) > 1e-6 else "")
+        text += f" (whole cycles for {asked:g})" if asked is not None and abs(asked - end) > 1e-6 else ""
+        steady = config.duration.until_steady
+        return text + (f", less where the steady state is established before (to {steady:g})" if steady else "")
     return f"{config.flow.type}, total strain (time x rate) {end:g} in {flow.cycles} blocks"
 
 

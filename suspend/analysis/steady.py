@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import stdtr
@@ -128,29 +128,77 @@ def summarise(averages: Mapping[str, SteadyAverage]) -> dict[str, dict[str, Any]
     return {name: average.as_dict() for name, average in averages.items()}
 
 
-def _noise_and_trend(values: np.ndarray) -> tuple[float, float, float, float]:
-    """Variance and correlation of the noise, end-to-end change of the straight line, its p-value."""
+class Trend(NamedTuple):
+    """Parabola through a series: what it changes by over the series, with standard errors under AR(1) noise.
+
+    change: of the straight line from end to end; bend: of the parabola's curvature, between its lowest and highest
+    point; freedom: degrees of freedom of Student's t for both. The errors are 0 where there is no noise at all.
+    """
+
+    change: float
+    change_error: float
+    bend: float
+    bend_error: float
+    freedom: float
+
+
+def trend(values: np.ndarray) -> Trend:
+    """Straight line and bend of a series of at least 8 finite values (n,); the noise is that of the module."""
+    if len(values) < _SHORT:
+        raise ValueError(f"a parabola with correlated noise through {len(values)} values")
+    fit = _fit(np.asarray(values, float))
+    sizes = fit.basis.max(axis=0) - fit.basis.min(axis=0)
+    changes = np.abs(fit.coefficients) * sizes
+    errors = np.sqrt(fit.variance * np.array(fit.spans)) * sizes
+    sign = math.copysign(1.0, fit.coefficients[1] * (fit.basis[-1, 1] - fit.basis[0, 1]))
+    return Trend(sign * float(changes[1]), float(errors[1]), float(changes[2]), float(errors[2]), fit.freedom)
+
+
+class _Fit(NamedTuple):
+    """Polynomials (orthonormal) through a series, and its noise: variance, correlation, q^T R q of each polynomial."""
+
+    basis: np.ndarray
+    coefficients: np.ndarray
+    variance: float
+    rho: float
+    spans: list[float]
+    freedom: float
+
+
+def _fit(values: np.ndarray) -> _Fit:
     n = len(values)
     degree = _TREND if n >= _SHORT else 1
     basis, overlaps = _polynomials(n, degree)
     coefficients = basis.T @ values
     residuals = values - basis @ coefficients
-    change = float(coefficients[1] * (basis[-1, 1] - basis[0, 1]))
     square = float(residuals @ residuals)
-    floor = (_ROUNDING * np.abs(values).max()) ** 2
-    if square <= n * floor:  # no noise at all
-        return 0.0, 0.0, change, 0.0 if change**2 > floor else 1.0
     rho = 0.0
+    if square <= n * _floor(values):  # no noise at all
+        return _Fit(basis, coefficients, 0.0, rho, [0.0] * (degree + 1), n - degree - 1.0)
     if n >= _SHORT:
         rho = (n * float(residuals[1:] @ residuals[:-1]) / square + degree + 1) / (n - 3 - degree)
         rho = min(max(rho, 0.0), 1.0 - 1.0 / n)
     spans = [_quadratic(row, rho) for row in overlaps]  # q^T R q for each polynomial, R_jk = rho^|j-k|
     variance = square / (n - sum(spans))
     freedom = max(n * (1.0 - rho) / (1.0 + rho) - degree - 1, 3.0) if n >= _SHORT else n - 2.0
-    if n < 4:
-        return variance, rho, change, math.nan
-    t = abs(coefficients[1]) / math.sqrt(variance * spans[1])
-    return variance, rho, change, float(2.0 * stdtr(freedom, -t))
+    return _Fit(basis, coefficients, variance, rho, spans, freedom)
+
+
+def _floor(values: np.ndarray) -> float:
+    """Square of a change that is round-off of a constant."""
+    return (_ROUNDING * np.abs(values).max()) ** 2
+
+
+def _noise_and_trend(values: np.ndarray) -> tuple[float, float, float, float]:
+    """Variance and correlation of the noise, end-to-end change of the straight line, its p-value."""
+    fit = _fit(values)
+    change = float(fit.coefficients[1] * (fit.basis[-1, 1] - fit.basis[0, 1]))
+    if fit.variance == 0.0:
+        return 0.0, 0.0, change, 0.0 if change**2 > _floor(values) else 1.0
+    if len(values) < 4:
+        return fit.variance, fit.rho, change, math.nan
+    t = abs(fit.coefficients[1]) / math.sqrt(fit.variance * fit.spans[1])
+    return fit.variance, fit.rho, change, float(2.0 * stdtr(fit.freedom, -t))
 
 
 def _quadratic(overlap: np.ndarray, rho: float) -> float:

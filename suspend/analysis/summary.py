@@ -292,6 +292,8 @@ def _progress_notes(run: Run, flow: str) -> list[str]:
     if run.cycles == 0:
         return [f"no complete {unit} is stored yet: nothing to analyse; let the run go on"]
     notes = [] if run.finished else ["the run is not finished: these are its complete cycles so far"]
+    if run.finished and run.meta.get("end"):
+        notes.append(f"how the run ended: {run.meta['end']}")
     if run.stored > run.cycles:
         notes.append(f"the last {unit} is not complete and is left out")
     return notes

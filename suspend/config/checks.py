@@ -108,6 +108,12 @@ def _duration(values: Values, complain: Complain) -> None:
     kind, cycles, strain = flow.get("type"), duration.get("cycles"), duration.get("strain")
     if kind is not None and kind != "oscillatory" and cycles is not None:
         complain("duration.cycles", f"flow.type is {kind}: give duration.strain instead")
+    if kind is not None and kind != "oscillatory" and duration.get("until_steady") is not None:
+        complain(
+            "duration.until_steady",
+            f"flow.type is {kind}: the test compares cycles of oscillatory flow; leave it out, duration.strain ends the"
+            " run",
+        )
     found = _all(flow, "reversal_strain")
     if found and strain is not None and found[0] >= strain:
         complain(

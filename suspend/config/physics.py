@@ -168,6 +168,18 @@ class Duration:
         example=256.0,
         symbols=("gamma_tot", "total_strain", "time"),
     )
+    until_steady: float | None = key(
+        "number",
+        "oscillatory: end before that, after the first cycle at which the steady state is established: over the last"
+        " half of the cycles, at least 16, eta_r' and eta_r'' are shown (95 %) to change by less than this times eta_r'"
+        " and ln D_cyc by less than 10 times this, or spheres would diffuse by less than this many radii over as much"
+        " strain again; 0.02 is usual; null = run for the whole duration",
+        unit="relative",
+        default=None,
+        least=1e-6,
+        most=0.5,
+        symbols=("steady", "stop_when_steady", "steady_state"),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

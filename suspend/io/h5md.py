@@ -102,6 +102,15 @@ def _write_meta(group: h5py.Group, tree: dict) -> None:
             group.attrs[key] = h5py.Empty("f4") if value is None else value
 
 
+def set_meta(file: h5py.File, name: str, value: str | None) -> None:
+    """Put one entry into the stored `meta`; None takes it away."""
+    attributes = file["parameters/meta"].attrs
+    if value is None:
+        attributes.pop(name, None)
+    elif attributes.get(name) != value:
+        attributes[name] = value
+
+
 def read_meta(group: h5py.Group) -> dict:
     """The nested dict `empty_file` was given as `meta`."""
     tree = {key: _plain(group.attrs[key]) for key in group.attrs}

@@ -117,7 +117,7 @@ class Run:
 
     @property
     def finished(self) -> bool:
-        """True where the run reached its configured duration."""
+        """True where the run reached its configured duration, or the steady state that ends it."""
         return self._base.finished and not self._tail
 
     @property

@@ -43,6 +43,7 @@ from suspend.io.table import CycleTable
 
 INTERVAL = 10.0  # seconds between consolidations, at least
 COPY_SHARE = 0.05  # of the run's time that consolidations may take: large files are rewritten more rarely
+END = "end"  # in `meta`: why the run ended
 BATCH_BYTES = 32 << 20  # journal bytes in memory at once while consolidating
 
 
@@ -269,6 +270,7 @@ class RunStore:
     def update_configuration(self, config_yaml: str) -> None:
         """Store a changed configuration (longer duration); the run is then open. Raises StorageError."""
         self.config_yaml = config_yaml
+        self.meta.pop(END, None)
         self._rewrite(lambda file: None, finished=False)
 
     def consolidate(self) -> None:
@@ -278,14 +280,18 @@ class RunStore:
         """
         self._rewrite(lambda file: None, finished=self.finished and not (self.directory / JOURNAL).exists())
 
-    def finish(self, state: dict, final_frame: dict, partial: dict | None = None) -> None:
+    def finish(
+        self, state: dict, final_frame: dict, partial: dict | None = None, end: str | None = None
+    ) -> None:
         """Save, store the final positions as an extra frame, consolidate, and mark the run finished.
 
         `final_frame`: frame_time, frame_strain, tilt (1,), position, image, unwrapped (1, N, 3), and
-        frame_phase (1,) where the last cycle is incomplete (`partial` is then what a longer run continues).
-        Raises StorageError.
+        frame_phase (1,) where the last cycle is incomplete (`partial` is then what a longer run continues);
+        end: why it ended, kept as `meta["end"]` until the run is extended. Raises StorageError.
         """
         self._save(state, partial)
+        self.meta.pop(END, None)
+        self.meta |= {} if end is None else {END: end}
         frame = {"index": self.cycles_done, "frame_phase": np.zeros(1), **final_frame}
         if self._stored == self.cycles_done:
             frame["frame_phase"] = np.zeros(1)
@@ -338,6 +344,7 @@ class RunStore:
                 if h5md.get_configuration(file) != self.config_yaml:
                     h5md.set_configuration(file, self.config_yaml)
                 file["parameters"].attrs["finished"] = finished
+                h5md.set_meta(file, END, self.meta.get(END))
         finally:
             journal.close()
 

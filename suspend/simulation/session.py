@@ -7,9 +7,11 @@ from dataclasses import asdict
 
 import numpy as np
 
+from suspend.analysis.steady_state import SteadyWatch
+from suspend.config import Config
 from suspend.dynamics import Counters
 from suspend.errors import Interrupted, NumericalError
-from suspend.io import RunStore
+from suspend.io import Run, RunStore
 from suspend.simulation.in_memory import Simulation
 from suspend.simulation.progress import ProgressState, while_compiling
 from suspend.simulation.stop import Stop
@@ -26,6 +28,7 @@ class Session:
         self.started, self.drawn = started, 0.0
         self.compilations = None
         flow = simulation.flow
+        self.watch = watch(simulation.config, store)
         self.total = flow.accumulated(flow.cycles - 1, flow.period(flow.cycles - 1))
         self.begun = self._strain()
         self.sums = {k: 0 for k in ("evaluations", "iterations", "rejected_overlap", "rejected_error")}
@@ -41,22 +44,30 @@ class Session:
         simulation, store = self.simulation, self.store
         if not store.has_state:
             store.save(*simulation.dump())
-        if simulation.state.cycle >= simulation.flow.cycles:
+        if self._complete():
             self._report()
             # A longer run that is asked for less stays as it is. A cycle begun since is kept for an extension.
-            if simulation.state.cycle == simulation.flow.cycles and not store.finished:
-                state, partial = simulation.dump()
-                store.finish(state, simulation.final_frame(), partial)
+            if simulation.state.cycle <= simulation.flow.cycles and not store.finished:
+                self._finish()
             return
         with while_compiling(lambda: self._report(compiling=True)) as self.compilations:
             self._cycles()
-        store.finish(simulation.dump()[0], simulation.final_frame())
+        self._finish()
+
+    def _complete(self) -> bool:
+        """Whether nothing is left to do: the duration is reached, or the steady state where that ends the run."""
+        simulation = self.simulation
+        return simulation.state.cycle >= simulation.flow.cycles or (self.watch is not None and self.watch.steady)
+
+    def _finish(self) -> None:
+        state, partial = self.simulation.dump()
+        end = None if self.watch is None else self.watch.verdict().text()
+        self.store.finish(state, self.simulation.final_frame(), partial, end)
 
     def _cycles(self) -> None:
-        simulation = self.simulation
         while True:
             self._cycle()
-            if simulation.state.cycle >= simulation.flow.cycles:
+            if self._complete():
                 break
             self._interrupt()
 
@@ -79,7 +90,10 @@ class Session:
             ) from None
         simulation.wall_time = time.monotonic() - self.compilations.seconds - clock
         self._count(asdict(simulation.suspension.counters))
-        self.store.append_cycle(simulation.end_cycle())
+        record = simulation.end_cycle()
+        self.store.append_cycle(record)
+        if self.watch is not None:
+            self.watch.add(record)
         self.store.save(*simulation.dump())
 
     def _count(self, counters: dict) -> None:
@@ -134,5 +148,14 @@ class Session:
                 "compiling_seconds": self.compilations.seconds if self.compilations is not None else 0.0,
                 "minimum_gap": float(self.smallest),
                 **self.sums,
+                "end": self.store.meta.get("end") if self.store.finished else None,
             }
         )
+
+
+def watch(config: Config, store: RunStore) -> SteadyWatch | None:
+    """What ends a run at its steady state, with the cycles done so far; None where it runs for its duration."""
+    if config.duration.until_steady is None:
+        return None
+    with Run(store.directory) as stored:
+        return SteadyWatch.of(stored, config.duration.until_steady, store.cycles_done)

@@ -174,12 +174,15 @@ def total_strain(config: Config) -> float:
 
 
 def is_complete(folder: Path, config: Config) -> bool:
-    """Whether the run in the folder is finished for the duration asked; a damaged run is not."""
+    """Whether the run in the folder is finished for the duration asked, or at its steady state where that ends it.
+
+    A damaged run is not.
+    """
     if not (folder / TRAJECTORY).is_file():
         return False
     try:
         with Run(folder) as run:
-            finished, cycles = run.finished, run.cycles
+            finished, cycles, stored = run.finished, run.cycles, run.config_yaml
     except StorageError:
         return False
     asked = make_flow(config).cycles
@@ -187,11 +190,23 @@ def is_complete(folder: Path, config: Config) -> bool:
         return True  # it was begun for longer, and stays as it is
     if not finished:
         return False
-    if cycles >= asked:
+    if cycles >= asked or _ended_steady(stored, cycles, config.duration.until_steady):
         return True
     # A steady run that was extended keeps its first blocks, so counts others.
     record, asked = read_record(folder), total_strain(config)
     return config.flow.type != "oscillatory" and record.done and record.total_strain >= asked * (1.0 - 1e-9)
+
+
+def _ended_steady(stored: str, cycles: int, until_steady: float | None) -> bool:
+    """Whether a finished run ended at its steady state, by a test no weaker than that asked for.
+
+    What a stricter test has established holds for a weaker one too. Other runs are looked at when they go on.
+    """
+    if until_steady is None:
+        return False
+    before = loads(stored, source="the stored configuration")
+    strict = before.duration.until_steady
+    return strict is not None and strict <= until_steady and cycles < make_flow(before).cycles
 
 
 def at_work(folder: Path) -> str | None:

@@ -25,8 +25,13 @@ class Task:
     @property
     def remaining(self) -> float:
         """Predicted seconds to go."""
+        return self.seconds - self.predicted_so_far
+
+    @property
+    def predicted_so_far(self) -> float:
+        """Predicted seconds for the strain that is done: not the whole where a steady state has ended the run."""
         total = total_strain(self.point.config)
-        return self.seconds * max(1.0 - self.record.strain / total, 0.0) if total > 0.0 else self.seconds
+        return self.seconds * min(self.record.strain / total, 1.0) if total > 0.0 else 0.0
 
 
 def make_tasks(points: list[Point], places: dict[str, Path]) -> list[Task]:
@@ -56,7 +61,8 @@ def check_memory(tasks: list[Task], memory: float) -> None:
 
 def pace(complete: list[Task]) -> float | None:
     """Median of measured over predicted run time of complete points, None where there is none."""
-    ratios = [task.record.seconds / task.seconds for task in complete if task.record.seconds > 0 and task.seconds > 0]
+    known = [task for task in complete if task.record.seconds > 0 and task.predicted_so_far > 0]
+    ratios = [task.record.seconds / task.predicted_so_far for task in known]
     return statistics.median(ratios) if ratios else None
 
 
