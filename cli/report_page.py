@@ -10,10 +10,14 @@ EPILOG = """
 \b
 Examples:
   suspend report runs/demo -o report.html
-  suspend report runs/gamma* -o sweep.html --title "phi = 0.4"
+  suspend report runs/gamma* -o runs.html --title "phi = 0.4"
+  suspend report runs/phase_diagram -o runs/phase_diagram/index.html
 
 \b
-The page needs no other file and no network. Runs that cannot be read are listed on it.
+The page needs no other file and no network. Runs that cannot be read are listed on it. That of a
+sweep links to the folders of its points, relative to where it lies, so it is best put into the sweep's
+folder; the sweep may be running. A crontab line that publishes it each night at half past six:
+  30 6 * * * cd ~/suspend && .venv/bin/suspend report runs/phase_diagram -o runs/phase_diagram/index.html -q
 """
 
 
@@ -26,13 +30,27 @@ The page needs no other file and no network. Runs that cannot be read are listed
 @click.option("--title", metavar="TEXT", help="Title of the page.")
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
 def report(runs, output, last, title, quiet) -> None:
-    """One page about one run or many: results, errors, figures, cost, warnings.
+    """One page about one run or many, or about a sweep: results, errors, figures, cost, warnings.
 
-    RUNS are folders of runs, which may still be going on, or their trajectory files.
+    RUNS are folders of runs, which may still be going on, or their trajectory files; or sweeps, by their folders or
+    files: states, failures, all points with links, figures against amplitude over all seeds, the phase diagram.
     """
-    from suspend.report import write_report
+    from suspend.sweep.runs import is_sweep
 
-    notes = write_report(runs, output, last=last, title=title)
+    sweeps = [is_sweep(path) for path in runs]
+    if any(sweeps) and not all(sweeps):
+        raise click.UsageError(
+            f"{runs[sweeps.index(True)]} is a sweep, {runs[sweeps.index(False)]} is none: they go on different pages"
+        )
+    if any(sweeps):
+        from suspend.sweep.page import write_sweep_page
+
+        notes = write_sweep_page(runs, output, last=last, title=title)
+        notes = [] if quiet else notes  # they are on the page
+    else:
+        from suspend.report import write_report
+
+        notes = write_report(runs, output, last=last, title=title)
     for note in notes:
         click.echo(f"warning: {note}", err=True)
     if not quiet:

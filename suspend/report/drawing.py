@@ -16,6 +16,7 @@ from suspend.report.examine import Examined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 SIZE = (3.4, 2.6)  # inches: labels of 8 points stay readable on a phone
 LARGEST = 150_000  # bytes of an SVG; what is larger becomes a PNG
@@ -26,6 +27,11 @@ _STRESS = r"$\sigma_{xy}/\eta_0\gamma_0\omega$"
 
 def figure(draw: Callable[[Axes], None], title: str, caption: str) -> str:
     """A figure element: what `draw` draws, as an SVG (or PNG) inside the page; title and caption are HTML."""
+    return picture(lambda made: draw(made.add_subplot()), title, caption)
+
+
+def picture(draw: Callable[[Figure], None], title: str, caption: str, size: tuple[float, float] = SIZE) -> str:
+    """As `figure`, for what makes its own axes on a figure of `size` in inches."""
     load_matplotlib()
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -34,14 +40,14 @@ def figure(draw: Callable[[Axes], None], title: str, caption: str) -> str:
     with journal():
         matplotlib.rcParams["axes.prop_cycle"] = matplotlib.cycler(color=PALETTE)
         matplotlib.rcParams["svg.hashsalt"] = title  # the same page for the same runs
-        made = Figure(figsize=SIZE, layout="constrained")
+        made = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(made)
-        draw(made.add_subplot())
+        draw(made)
         kind, data = "svg+xml", _saved(made, "svg", metadata={"Date": None, "Creator": None})
         if len(data) > LARGEST:
             kind, data = "png", _saved(made, "png", dpi=RESOLUTION)
     plain = escape(_without_tags(title), quote=True)
-    width, height = (round(96 * inches) for inches in SIZE)
+    width, height = (round(96 * inches) for inches in size)
     source = f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
     image = f'<img src="{source}" alt="{plain}" width="{width}" height="{height}">'
     return f"<figure>{image}<figcaption><b>{title}.</b> {caption}</figcaption></figure>"

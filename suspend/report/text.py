@@ -23,8 +23,8 @@ def number(value: float | int | None, digits: int = 4) -> str:
 
 
 def with_error(value: float, error: float) -> str:
-    """Value and error as HTML, both to the second digit of the error."""
-    if not (math.isfinite(value) and math.isfinite(error)) or error <= 0.0:
+    """Value and error as HTML, both to the second digit of the error; an error of round-off alone is none."""
+    if not (math.isfinite(value) and math.isfinite(error)) or error <= 1e-9 * abs(value):
         return number(value)
     exponent = math.floor(math.log10(max(abs(value), error)))
     power = exponent if not -3 <= exponent < 5 else 0

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Iterable
 from html import escape
 from pathlib import Path
 
-import suspend
 from suspend.errors import ConfigurationError, StorageError, SuspendError, named
 from suspend.io.files import replace_text, storage_errors
 from suspend.report import tables
@@ -16,10 +14,9 @@ from suspend.report.drawing import figures_of
 from suspend.report.examine import Examined, examine
 from suspend.report.findings import Finding, checked, findings
 from suspend.report.overview import Row, overview, row_of
-from suspend.report.style import CSS
+from suspend.report.page import check_target, document
 from suspend.report.text import number, preformatted, unfolding
 
-SUFFIXES = (".html", ".htm")
 _FLOWS = {"oscillatory": "oscillatory shear", "steady": "steady shear", "reversal": "shear with reversals"}
 
 
@@ -32,11 +29,7 @@ def write_report(
     memory does not grow with their number but for the page itself. Runs that cannot be read are listed on the page
     with the reason. Atomic. Raises ConfigurationError (suffix, no runs), StorageError (target, no readable run).
     """
-    target, paths = Path(target), _unique(runs)
-    if target.suffix.lower() not in SUFFIXES:
-        raise ConfigurationError(f"cannot write a report to {target}: its name must end in {' or '.join(SUFFIXES)}")
-    if target.is_dir():
-        raise ConfigurationError(f"cannot write a report to {target}: it is a folder; give the name of a file")
+    target, paths = check_target(target), _unique(runs)
     if not paths:
         raise ConfigurationError("no runs were given: give the folders of one run or more")
     sections, rows, failed = [], [], []
@@ -70,21 +63,13 @@ def _title(rows: list[Row]) -> str:
 
 
 def _page(title: str, rows: list[Row], sections: list[str], failed: list[str]) -> str:
-    made = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime())
-    body = [f"<header><h1>{escape(title)}</h1>", f'<p class="soft">{made}, suspend {suspend.__version__}</p></header>']
+    body = []
     if failed:
         items = "".join(f"<li>{escape(error)}</li>" for error in failed)
         body.append(f'<div class="notice"><h3>Not read</h3><ul>{items}</ul></div>')
     if len(rows) > 1:
         body.append(overview(rows))
-    body += [*sections, _legend()]
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{escape(title)}</title>\n<link rel="icon" href="data:,">\n<style>{CSS}</style>\n</head>\n<body>\n'
-        + "\n".join(body)
-        + "\n</body>\n</html>\n"
-    )
+    return document(title, [*body, *sections, _legend()])
 
 
 def _section(run: Examined, warnings: list[Finding], anchor: str) -> str:
