@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,23 +10,12 @@ from typing import Any
 from suspend.config import loads
 from suspend.errors import ConfigurationError
 from suspend.io.files import replace_text, storage_errors
+from suspend.missing import plain, text
 
 
 def to_json(content: Any) -> str:
-    """JSON of plain or NumPy values; what is not a finite number is null."""
-    return json.dumps(_plain(content), indent=2, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, str | int | float | None) else str(value)
+    """JSON of plain or NumPy values; what has no value is null."""
+    return json.dumps(plain(content), indent=2, allow_nan=False)
 
 
 def information(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -145,7 +133,7 @@ def _size(count: int) -> str:
 def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text(value) if isinstance(value, float) else str(value)
 
 
 def write_text(path: Path, text: str, force: bool) -> None:

@@ -14,6 +14,8 @@ Files
 Signs
     Forces and torques act on the spheres. Stresslets have Brady's sign: +(20/3) pi eta0 a^3 E for a lone
     sphere. Compression is a negative normal stress. N1 = sigma_xx - sigma_yy, N2 = sigma_yy - sigma_zz.
+Quantities without a value
+    See `suspend.missing`.
 Symmetric tensors
     Six components in the order of `COMPONENTS`.
 """

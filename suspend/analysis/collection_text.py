@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 from suspend.analysis.collection import Collection, Series
 from suspend.analysis.phase_diagram import PhaseDiagram
 from suspend.analysis.signatures import LEAST_AMPLITUDES, Range, Signatures
+from suspend.missing import DASH, has_value, text
 
 _COLUMNS = (  # heading, quantity
     ("eta_r'", "eta_r_prime"),
@@ -35,8 +34,8 @@ def format_collection(collection: Collection, diagram: PhaseDiagram) -> str:
 
 
 def _number(value: float, digits: int = 4, width: int = 10) -> str:
-    if not math.isfinite(value):
-        return "-".rjust(width)
+    if not has_value(value):
+        return DASH.rjust(width)
     extreme = value != 0.0 and not 1e-3 <= abs(value) < 1e4
     return (f"{value:.{max(digits - 2, 1)}e}" if extreme else f"{value:.{digits}g}").rjust(width)
 
@@ -68,7 +67,7 @@ def _range(value: Range | None) -> str:
 
 
 def _best(value: Range | None) -> str:
-    return ("-" if value is None or not math.isfinite(value.best) else f"{value.best:.3g}").rjust(8)
+    return text(value and value.best, ".3g").rjust(8)
 
 
 def _confidence(signatures: Signatures, name: str) -> str:
@@ -76,9 +75,9 @@ def _confidence(signatures: Signatures, name: str) -> str:
     if found is None:
         return ""
     none = f", none in {100.0 * found['none']:.0f} %" if found["none"] else ""
-    if not math.isfinite(found["low"]):
+    if not has_value(found["low"]):
         return "   " + none.removeprefix(", ")
-    return f"   ({found['low']:g}, {found['high']:g}), the same in {100.0 * found['same']:.0f} %{none}"
+    return f"   ({found['low']:g}, {text(found['high'], 'g')}), the same in {100.0 * found['same']:.0f} %{none}"
 
 
 def _diagram(diagram: PhaseDiagram) -> str:

@@ -205,9 +205,9 @@ class DisplacementCloud(Quantity):
 
     @property
     def elongation(self) -> float:
-        """Ratio of the longest to the shortest rms displacement in the shear plane; infinite for a line."""
+        """Ratio of the longest to the shortest rms displacement in the shear plane; NaN for a line."""
         low, high = np.linalg.eigvalsh(self.tensor[:2, :2]).clip(min=0.0)
-        return float(np.sqrt(high / low)) if low > 0.0 else float("inf") if high > 0.0 else float("nan")
+        return float(np.sqrt(high / low)) if low > 0.0 else float("nan")
 
     @property
     def notes(self) -> list[str]:

@@ -10,6 +10,7 @@ from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
 from suspend.analysis.relaxation import Relaxation
 from suspend.errors import ConfigurationError
 from suspend.io import Run
+from suspend.missing import text
 
 
 def dynamics_section(path: os.PathLike | str) -> dict[str, Any]:
@@ -50,7 +51,6 @@ def format_section(section: dict[str, Any]) -> str:
         lines.append(title)
         width = max((len(name) for name in values), default=0) + 2
         for name, value in values.items():
-            text = f"{value:.6g}" if isinstance(value, float) else str(value)
-            lines.append(f"  {name.ljust(width)}{text}")
+            lines.append(f"  {name.ljust(width)}{text(value) if isinstance(value, float | None) else value}")
     lines += [f"note: {note}" for note in section.get("notes", [])]
     return "\n".join(lines)

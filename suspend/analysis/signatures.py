@@ -41,7 +41,7 @@ class Range:
         return max(0.0, min(self.high, other.high) - max(self.low, other.low))
 
     def __str__(self) -> str:
-        return f"({self.low:g}, {self.high:g})"
+        return f"({self.low:g}, {self.high:g})" if math.isfinite(self.high) else f"above {self.low:g}"
 
 
 def extremum_range(gamma0: np.ndarray, values: np.ndarray, errors: np.ndarray | None = None) -> Range | None:

@@ -25,6 +25,7 @@ from suspend.analysis.tables import format_analysis
 from suspend.errors import ConfigurationError
 from suspend.io import Run
 from suspend.io.csv_text import write_csv_file
+from suspend.missing import largest, plain, smallest
 
 _PAPER_DRIFT = 100.0  # total strain past which the paper still sees eta_r', eta_r'' change (gamma0 < 3.2)
 
@@ -144,13 +145,13 @@ class Analysis:
         return {
             "run": self.path,
             "flow": self.flow,
-            "parameters": _plain(self.scales),
+            "parameters": plain(self.scales),
             "cycles": len(self.values),
-            "columns": {name: _plain(self[name].tolist()) for name in self.columns},
-            "averages": {"cycles": self.last, "quantities": _plain(self.averages())},
-            "drift": _plain(self._drift()),
-            **{name: _plain(content) for name, content in self._measures().items()},
-            "statistics": _plain(self.statistics),
+            "columns": {name: plain(self[name].tolist()) for name in self.columns},
+            "averages": {"cycles": self.last, "quantities": plain(self.averages())},
+            "drift": plain(self._drift()),
+            **{name: plain(content) for name, content in self._measures().items()},
+            "statistics": plain(self.statistics),
             "notes": list(self.notes),
         }
 
@@ -310,10 +311,11 @@ def _diffusivity_notes(run: Run, d_cyc: np.ndarray) -> list[str]:
 
 def _cost(run: Run) -> dict[str, float]:
     """Solver statistics of all cycles: totals of counts, extremes of gaps and error estimates."""
-    reduce = {"minimum_gap": np.min, "position_error": np.max}
+    reduce = {"minimum_gap": smallest, "position_error": largest}
     columns = run.statistics() if run.stored else {}
     columns.pop("d_cyc", None)  # a result, not a cost
-    return {name: reduce.get(name, np.sum)(column).item() for name, column in columns.items() if len(column)}
+    reduced = {name: reduce.get(name, np.sum)(column) for name, column in columns.items() if len(column)}
+    return {name: np.asarray(value).item() for name, value in reduced.items()}
 
 
 def _change(values: np.ndarray) -> float:
@@ -321,11 +323,3 @@ def _change(values: np.ndarray) -> float:
     if len(order) < 3:
         return math.nan
     return float(np.polyfit(order, values[order], 1)[0] * (order[-1] - order[0]))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -10,6 +10,7 @@ import numpy as np
 
 from suspend.analysis.normal_stresses import NormalStresses
 from suspend.analysis.rheology import HARMONICS
+from suspend.missing import DASH, has_value, text
 
 if TYPE_CHECKING:
     from suspend.analysis.summary import Analysis
@@ -93,8 +94,8 @@ def _plural(unit: str, count: int) -> str:
 
 
 def _number(value: float, width: int = 10) -> str:
-    if not math.isfinite(value):
-        return "-".rjust(width)
+    if not has_value(value):
+        return DASH.rjust(width)
     extreme = value != 0.0 and not 1e-3 <= abs(value) < 1e5
     return (f"{value:.3e}" if extreme else f"{value:.5g}").rjust(width)
 
@@ -118,7 +119,7 @@ def _cycles(analysis: Analysis) -> str:
     for name, label in (("N1_over_shear", "N1/|sigma_xy|"), ("N2_over_shear", "N2/|sigma_xy|")):
         if name in analysis.steady:
             found = analysis.steady[name]
-            lines.append(f"{label} = {found.mean:.4g}" + _error(found.error))
+            lines.append(f"{label} = {text(found.mean, '.4g')}" + _error(found.error))
     lines.append(f"(+-: standard error, correlation between {unit}s included; change: linear trend over them;")
     lines.append(
         f" p: chance of the trend over the last {reference} {unit}s if the state is steady, drift where < 0.01)"
@@ -141,7 +142,7 @@ def _harmonics(analysis: Analysis) -> str:
         cells.append(spectrum[n] / spectrum[1] if spectrum[1] else math.nan)
         lines.append(f"{n:8d}" + "".join(" " + _number(cell) for cell in cells))
     fifth = averages["eta5_over_eta1"]
-    lines.append(f"eta_5'/eta_1' = {fifth['mean']:.4g}" + _error(fifth["standard_error"]))
+    lines.append(f"eta_5'/eta_1' = {text(fifth['mean'], '.4g')}" + _error(fifth["standard_error"]))
     return "\n".join(lines)
 
 
@@ -197,5 +198,5 @@ def _cost(analysis: Analysis) -> str:
         "wall_time": "wall time (s)",
     }
     found = {name: value for name, value in analysis.statistics.items() if name in labels}
-    text = "Cost: " + "; ".join(f"{labels[name]} {value:.4g}" for name, value in found.items())
-    return textwrap.fill(text, 110)
+    line = "Cost: " + "; ".join(f"{labels[name]} {text(value, '.4g')}" for name, value in found.items())
+    return textwrap.fill(line, 110)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from suspend.conventions import COMPONENTS
 from suspend.errors import ConfigurationError
 from suspend.io import Run
 from suspend.io.csv_text import write_rows
+from suspend.missing import plain
 
 UNITS = {
     "time": "time",
@@ -99,7 +99,7 @@ def write_json(run: Run, path: Path, table: str, notes: list[str]) -> None:
         notes += analysis.notes
         content["analysis"] = analysis.as_dict()
     with open(path, "w", encoding="utf-8") as file:
-        text = json.dumps(_plain(content), indent=1, allow_nan=False)
+        text = json.dumps(plain(content), indent=1, allow_nan=False)
         if analysis is not None:
             file.write(text + "\n")
             return
@@ -108,16 +108,6 @@ def write_json(run: Run, path: Path, table: str, notes: list[str]) -> None:
         first = True
         for name in names:
             for header, column in sample_columns(run, name):
-                file.write(("" if first else ",") + f"\n  {json.dumps(header)}: {json.dumps(_plain(column.tolist()))}")
+                file.write(("" if first else ",") + f"\n  {json.dumps(header)}: {json.dumps(plain(column.tolist()))}")
                 first = False
         file.write("\n }\n}\n")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

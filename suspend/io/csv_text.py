@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from suspend.io.files import replace_text, storage_errors
+from suspend.missing import has_value
 
 _CONTROLS = str.maketrans({"\t": r"\t", "\r": r"\r", "\n": r"\n"})  # spreadsheets skip them, line readers break on them
 _EXECUTED = ("=", "+", "-", "@")  # first characters by which spreadsheets take text for a formula
@@ -18,10 +19,11 @@ _EXECUTED = ("=", "+", "-", "@")  # first characters by which spreadsheets take 
 def cell(value: Any) -> Any:
     """The value as a cell: text that a spreadsheet would execute gets an apostrophe in front, which makes it text.
 
-    Text that is a number stays one (-0.5, +inf); bytes of file names that are no text appear as \\udcXX.
+    Text that is a number stays one (-0.5); bytes of file names that are no text appear as \\udcXX. What has no value
+    (`suspend.missing`) is an empty cell.
     """
     if not isinstance(value, str):
-        return value
+        return value if has_value(value) else ""
     value = value.encode("utf-8", "backslashreplace").decode().translate(_CONTROLS)
     return "'" + value if value.startswith(_EXECUTED) and not _is_number(value) else value
 

@@ -13,6 +13,7 @@ from suspend.errors import StorageError
 from suspend.io.checkpoint import read_checkpoint
 from suspend.io.files import holder
 from suspend.io.reader import CHECKPOINT, Run
+from suspend.missing import largest, smallest
 
 
 def describe(path: os.PathLike | str) -> dict[str, Any]:
@@ -57,14 +58,15 @@ def _size(path: Path) -> int:
 
 
 def _summary(columns: dict[str, np.ndarray]) -> dict[str, float]:
-    """Totals of counts (integers) and times; the smallest of minima and the largest of other real numbers."""
+    """Totals of counts (integers) and times; the smallest of minima and the largest of other real numbers (or NaN)."""
     summary = {}
     for name, column in columns.items():
         if not len(column):
             continue
-        total = column.dtype.kind in "iu" or name.endswith("_time")
-        reduce = np.sum if total else np.min if name.startswith("minimum") else np.max
-        summary[name] = reduce(column).item()
+        if column.dtype.kind in "iu" or name.endswith("_time"):
+            summary[name] = np.sum(column).item()
+        else:
+            summary[name] = smallest(column) if name.startswith("minimum") else largest(column)
     return summary
 
 

@@ -14,7 +14,7 @@
 Time series live outside /observables on purpose: MDAnalysis indexes everything under /observables by the
 number of the position frame and would show the wrong sample. Elements of one table share step and time by
 hard links. `step` counts millionths of a cycle. Nothing is compressed: positions would shrink
-by 15 %, for many times the writing time.
+by 15 %, for many times the writing time. NaN is a quantity without a value (`suspend.missing`).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import numpy as np
 
 from suspend.conventions import COMPONENTS, FORMAT_VERSION
 from suspend.io.schema import FRAME_FIELDS, sample_fields, steps
+from suspend.missing import NOTE, known, plain
 
 UNITS = (
     "those of the configuration: length as particles.radius, viscosity as fluid.viscosity, time as "
@@ -77,6 +78,7 @@ def empty_file(config_yaml: str, meta: dict, run_id: str) -> bytes:
         parameters.attrs.update(
             format_version=FORMAT_VERSION,
             units=UNITS,
+            missing=NOTE,
             components=list(COMPONENTS),
             finished=False,
             run_id=run_id,
@@ -118,9 +120,7 @@ def read_meta(group: h5py.Group) -> dict:
 
 
 def _plain(value):
-    if isinstance(value, h5py.Empty):
-        return None
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
+    return None if isinstance(value, h5py.Empty) else plain(value)
 
 
 def set_configuration(file: h5py.File, config_yaml: str) -> None:
@@ -213,7 +213,7 @@ def append(file: h5py.File, records: list[dict], number: int, length: float) -> 
     _extend_element(file, "rheology/cycle", cycle, SAMPLE_STEP, SAMPLE_TIME)
     append_frames(file, records, length)
     for name in first["statistics"]:
-        _extend(file, f"cycles/statistics/{name}", np.array([r["statistics"][name] for r in records]))
+        _extend(file, f"cycles/statistics/{name}", known(np.array([r["statistics"][name] for r in records])))
     for name in ("index", "complete"):
         _extend(file, f"cycles/{name}", np.array([r[name] for r in records]))
     for name, key in (("sample_end", "time"), ("frame_end", "frame_time")):

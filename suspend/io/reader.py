@@ -15,6 +15,7 @@ from suspend.errors import StorageError
 from suspend.io.h5md import FRAME_FIELDS
 from suspend.io.journal import JOURNAL_REMEDY, Journal
 from suspend.io.trajectory import TrajectoryFile
+from suspend.missing import known
 
 TRAJECTORY, CHECKPOINT, JOURNAL = "trajectory.h5", "checkpoint.npz", "cycles.journal"
 
@@ -156,12 +157,18 @@ class Run:
         )
 
     def cycle(self, k: int) -> dict[str, Any]:
-        """Record of cycle k (0-based; negative from the end), bit for bit as written. Raises IndexError."""
+        """Record of cycle k (0-based; negative from the end), bit for bit as written. Raises IndexError.
+
+        Statistics without a value are NaN, also where an older version wrote an infinity.
+        """
         cycles = self.stored
         if not -cycles <= k < cycles:
             raise IndexError(f"cycle {k} of {cycles}")
         k %= cycles
-        return self._base.record(k) if k < self._base_cycles else self._journal.read(self._tail[k])
+        if k < self._base_cycles:
+            return self._base.record(k)
+        record = self._journal.read(self._tail[k])
+        return record | {"statistics": {name: known(value) for name, value in record["statistics"].items()}}
 
     def records(self, first: int = 0, last: int | None = None) -> Iterator[dict[str, Any]]:
         """Records of cycles first to last (exclusive; default all stored), one in memory at a time."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from suspend.io.csv_text import csv_text
 from suspend.io.files import append_or_restore, replace_text, storage_errors
+from suspend.missing import has_value
 
 
 @dataclass(frozen=True)
@@ -74,4 +75,4 @@ def _csv(cells: list) -> str:
 
 def _number(value: float) -> str:
     value = value.item() if hasattr(value, "item") else value
-    return "" if value != value else repr(value)  # NaN, a value that does not exist here: an empty cell
+    return repr(value) if has_value(value) else ""

@@ -15,6 +15,7 @@ from suspend.errors import StorageError
 from suspend.io import h5md
 from suspend.io.consistency import contradiction
 from suspend.io.files import storage_errors
+from suspend.missing import known
 
 
 class TrajectoryFile:
@@ -130,7 +131,7 @@ class TrajectoryFile:
         """Solver statistics of cycles first to last (exclusive), one array per name."""
         with self.reading():
             group = self._file["cycles/statistics"]
-            return {name: group[name][first:last] for name in group}
+            return {name: known(group[name][first:last]) for name in group}
 
     def checkpoint(self) -> bytes | None:
         """The copy of the checkpoint belonging to the last cycle in the file, or None."""

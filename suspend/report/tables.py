@@ -9,6 +9,7 @@ import numpy as np
 
 from suspend.analysis.rheology import HARMONICS
 from suspend.analysis.steady import SteadyAverage, steady_average
+from suspend.missing import has_value, smallest
 from suspend.report.examine import Examined
 from suspend.report.findings import highest_harmonics
 from suspend.report.text import UNKNOWN, duration, number, percent, table, with_error
@@ -227,8 +228,9 @@ def cost(run: Examined) -> str:
         text = f"{number(rejected[0])} rejected for their error, {number(rejected[1])} for overlaps"
         rows.append(("Steps", number(int(total["steps"])), text))
     if "minimum_gap" in columns:
-        gap = number(float(np.min(columns["minimum_gap"])), 3)
-        rows.append(("Smallest gap", f"{gap}&nbsp;a", "of all samples and steps"))
+        gap = smallest(columns["minimum_gap"])
+        text = "of all samples and steps" if has_value(gap) else "no two spheres were near each other"
+        rows.append(("Smallest gap", number(gap, 3) + ("&nbsp;a" if has_value(gap) else ""), text))
     machine = f"{meta.get('threads', '?')} thread(s), {meta.get('cores', '?')} cores, {meta.get('machine', '')}"
     rows.append(("Machine", escape(machine), escape(f"begun {meta.get('created', 'at an unknown time')}")))
     text = f"{number(run.facts['frames'])} frames, {number(run.facts['samples'])} samples"

@@ -6,12 +6,14 @@ import math
 from collections.abc import Iterable, Sequence
 from html import escape
 
+from suspend.missing import has_value
+
 UNKNOWN = "–"
 
 
 def number(value: float | int | None, digits: int = 4) -> str:
     """A number with `digits` significant digits as HTML; a dash where it is not known."""
-    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+    if not has_value(value):
         return UNKNOWN
     if isinstance(value, int):
         return f"{value:,}".replace(",", "\u202f")

@@ -8,6 +8,7 @@ import numpy as np
 
 from suspend.dynamics import Counters, History
 from suspend.flow import block_length
+from suspend.missing import has_value, known
 from suspend.motion import State
 
 
@@ -28,7 +29,7 @@ def dump(simulation) -> tuple[dict, dict | None]:
     if simulation.between_cycles:
         return content, None
     content |= {
-        "counters": asdict(suspension.counters),
+        "counters": {name: known(value) for name, value in asdict(suspension.counters).items()},
         "baseline": suspension.baseline,
         "start_position": simulation.start_position,
         "list": None if verlet is None else _list_point(verlet),
@@ -57,7 +58,7 @@ def load(simulation, content: dict, partial: dict | None) -> None:
         suspension.factor(position, tilt)
         suspension.factor_age = content["factor_age"]
     motion.position_error = content["position_error"]
-    suspension.counters = Counters(**content["counters"])
+    suspension.counters = Counters(**{name: value for name, value in content["counters"].items() if has_value(value)})
     suspension.baseline, simulation.start_position = content["baseline"], content["start_position"]
     simulation.recorder.resume(partial)
     time, coming = simulation.state.time, simulation.coming_events()

@@ -12,6 +12,7 @@ from suspend.config import Config
 from suspend.dynamics import Counters
 from suspend.flow import Flow, make_flow
 from suspend.integrators import METHODS
+from suspend.missing import known
 from suspend.motion import Motion, State, StepSettings
 from suspend.recorder import Recorder
 from suspend.scene import make_suspension, make_units
@@ -84,7 +85,7 @@ class Simulation:
         """The cycle's record; the state moves to the start of the next cycle."""
         state, counters = self.state, self.suspension.counters
         statistics = {**asdict(counters), "position_error": float(self.motion.position_error)}
-        statistics["minimum_gap"] = float(counters.minimum_gap)
+        statistics["minimum_gap"] = known(float(counters.minimum_gap))
         if self.config.flow.type == "oscillatory":
             statistics["d_cyc"] = float(
                 cyclic_diffusivity(self.start_position, self._unwrapped(), self.config.flow.amplitude, 1.0)

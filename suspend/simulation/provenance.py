@@ -30,7 +30,7 @@ def provenance(config: Config, initial, threads: int) -> dict:
         "threads": threads,
         "format_version": FORMAT_VERSION,
         "start_tilt": initial.tilt,
-        "start_minimum_gap": initial.minimum_gap if initial.minimum_gap is not None else np.nan,
+        **({} if initial.minimum_gap is None else {"start_minimum_gap": initial.minimum_gap}),
         "machine": platform.machine(),
         "processor": platform.processor() or "unknown",
         "cores": os.cpu_count() or 1,

@@ -12,6 +12,7 @@ from suspend.config import Config
 from suspend.dynamics import Counters
 from suspend.errors import Interrupted, NumericalError
 from suspend.io import Run, RunStore
+from suspend.missing import known
 from suspend.simulation.in_memory import Simulation
 from suspend.simulation.progress import ProgressState, while_compiling
 from suspend.simulation.stop import Stop
@@ -127,7 +128,7 @@ class Session:
                 strain=strain,
                 total_strain=self.total,
                 fraction=strain / self.total,
-                minimum_gap=counters.minimum_gap,
+                minimum_gap=known(float(counters.minimum_gap)),
                 iterations=counters.iterations,
                 evaluations=counters.evaluations,
                 elapsed=now - self.started,
@@ -146,7 +147,7 @@ class Session:
                 "strain_now": self._strain() - self.begun,
                 "seconds": time.monotonic() - self.started,
                 "compiling_seconds": self.compilations.seconds if self.compilations is not None else 0.0,
-                "minimum_gap": float(self.smallest),
+                "minimum_gap": known(float(self.smallest)),
                 **self.sums,
                 "end": self.store.meta.get("end") if self.store.finished else None,
             }

@@ -16,6 +16,7 @@ from suspend.fluctuations import (
     variance_exponent,
 )
 from suspend.initial import InitialConfiguration
+from suspend.missing import text
 from suspend.packing import DENSEST, FREEZING
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
@@ -65,7 +66,7 @@ class StartFigures(NamedTuple):
         parts = [f"{name} {_beside(pair, fluid)}" for name, pair in named if math.isfinite(pair.value)]
         if self.beta0_note:
             parts.append(f"no beta0 ({self.beta0_note})")
-        parts += [f"Q6 {self.global_q6:.3g}", f"smallest gap {self.minimum_gap:.3g} a"]
+        parts += [f"Q6 {self.global_q6:.3g}", f"smallest gap {text(self.minimum_gap, '.3g', ' a')}"]
         what = "configuration of a file" if self.kind == "file" else f"{self.kind} packing"
         return f"start: {what}, " + ", ".join(parts) + (f"; {self.unstirred}" if self.unstirred else "")
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from suspend.missing import text
+
 
 @dataclass
 class Summary:
@@ -28,6 +30,6 @@ class Summary:
             f"{f['seconds']:.1f} s{compiling}, "
             f"{f['evaluations']} velocity evaluations ({f['evaluations'] / max(f['strain_now'], 1e-300):.0f} per unit "
             f"strain), {f['iterations'] / f['evaluations']:.1f} iterations each, "
-            f"smallest gap {f['minimum_gap']:.3g} a, rejected steps {f['rejected_overlap']} (overlap) "
+            f"smallest gap {text(f['minimum_gap'], '.3g', ' a')}, rejected steps {f['rejected_overlap']} (overlap) "
             f"{f['rejected_error']} (error)"
         ]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -18,6 +17,7 @@ from suspend.io import Run
 from suspend.io.csv_text import csv_text, write_csv_file
 from suspend.io.files import replace_atomically, replace_text, storage_errors
 from suspend.io.reader import TRAJECTORY
+from suspend.missing import NOTE, plain
 from suspend.sweep.status import sweep_status
 
 CACHE = "analysis.json"
@@ -71,7 +71,7 @@ def point_scalars(folder: Path, last: int | None, say: Callable[[str], None]) ->
         return {}
     say(f"analysing {folder.name}")
     try:
-        content = _plain(_analyse(folder, min(last, stamp[3]) if last else None))
+        content = plain(_analyse(folder, min(last, stamp[3]) if last else None))
     except (ConfigurationError, NumericalError, StorageError) as error:
         say(f"{folder.name}: {error}")
         return {"message": f"not analysed: {error}"}
@@ -154,15 +154,6 @@ def _snake(name: str) -> str:
     return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
 
-def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain types; what is not a finite number is None."""
-    found = {}
-    for name, value in row.items():
-        value = value.item() if isinstance(value, np.generic) else value
-        found[name] = None if isinstance(value, float) and not math.isfinite(value) else value
-    return found
-
-
 def columns_of(rows: list[dict[str, Any]]) -> list[str]:
     """Names of all columns, in the order in which rows bring them."""
     return list(dict.fromkeys(name for row in rows for name in row))
@@ -196,6 +187,7 @@ def write_table(rows: list[dict[str, Any]], path: str | Path) -> None:
 
     def fill(temporary: Path) -> None:
         with h5py.File(temporary, "w") as file:
+            file.attrs["missing"] = NOTE
             for name in columns_of(rows):
                 _write_column(file, name, [row.get(name) for row in rows])
 
@@ -218,6 +210,6 @@ def _write_column(file: h5py.File, name: str, values: list[Any]) -> None:
     elif values and all(isinstance(value, int) for value in values):
         data = file.create_dataset(bare, data=np.array(values))
     else:
-        data = file.create_dataset(bare, data=np.array([math.nan if v is None else float(v) for v in values]))
+        data = file.create_dataset(bare, data=np.array([np.nan if v is None else float(v) for v in values]))
     if unit:
         data.attrs["unit"] = unit.strip("[]")

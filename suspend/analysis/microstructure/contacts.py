@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from suspend.analysis.microstructure.snapshot import LAST, FrameQuantity, Frames, Snapshot, tabulate_frames
+from suspend.missing import smallest
 
 _SMALLEST_GAP, _LARGEST_GAP = 1e-5, 1.0  # radii
 
@@ -39,7 +40,7 @@ class Contacts(FrameQuantity):
         touching = np.bincount(pairs.first[gaps < self.gap], minlength=snapshot.number)
         self._number.append(touching.mean())
         self._free.append(np.mean(touching == 0))
-        self._smallest.append(gaps.min(initial=np.inf))
+        self._smallest.append(smallest(gaps))
         self._overlaps.append(int(np.count_nonzero(gaps < 0.0)) // 2)
         self._when.append((snapshot.total_strain, snapshot.cycle))
 
@@ -70,7 +71,7 @@ class Contacts(FrameQuantity):
 
     @property
     def smallest_gap(self) -> np.ndarray:
-        """Smallest gap per frame, in radii; infinite where none is below a, negative for an overlap."""
+        """Smallest gap per frame, in radii; NaN where none is below a, negative for an overlap."""
         return np.array(self._smallest)
 
     @property
@@ -107,6 +108,6 @@ class Contacts(FrameQuantity):
             "contact_gap[a]": self.gap,
             "contact_number[-]": float(self.contact_number.mean()),
             "without_contact[share]": float(self.without_contact.mean()),
-            "smallest_gap[a]": float(self.smallest_gap.min()),
+            "smallest_gap[a]": smallest(self.smallest_gap),
             "overlapping_pairs": int(self.overlaps.max()),
         }
