@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -15,6 +16,7 @@ Examples:
   suspend sweep configs/phase_diagram.yaml --dry-run        the points, with time and memory of each
   suspend sweep configs/phase_diagram.yaml                  run what is missing
   suspend sweep configs/phase_diagram.yaml --max-time 50m   the same, for cron: go on where the last call stopped
+  suspend sweep configs/phase_diagram.yaml --scheduler tcp://HOST:8786   on the workers of a Dask cluster
   suspend sweep configs/phase_diagram.yaml --emit slurm-array > job.sh && sbatch job.sh
   suspend sweep status runs/phase_diagram
   suspend sweep collect runs/phase_diagram -o table.csv
@@ -38,19 +40,25 @@ The file (YAML):
   runs:                               blocks; each takes what it does not say from above
     - {set: {far_field: self}}
     - {set: {far_field: ewald}, seeds: 1}
-  workers: 2                          processes [default: all cores]
+  workers: 2                          processes on this machine [default: all cores]
   retries: 2                          of a point that fails, over all calls
-  memory: 8 GB                        for all runs together [default: what is free]
-  cluster:                            jobs of a batch system
+  memory: 8 GB                        for all runs together, on this machine [default: what is free]
+  cluster:                            computed by jobs of a batch system, unless --local or --scheduler is given
     kind: slurm                       slurm, pbs or sge
     workers: 64                       points at a time
     cores: 8                          of a job, a point each [default: 1]
-    memory: 16 GB                     of a job [default: 2 GB a core]
+    memory: 16 GB                     of a job [default: 2 GB a core]; for sge name its resource in directives, too
     walltime: 12:00:00                of a job [default: 4 h]; interrupted points go on in another
     queue: normal                     or partition [default: the site's]
     account: physics
     directives: ["--constraint=x"]    for the head of the job script
     prologue: ["module load x"]       lines of shell before the work
+    interface: ib0                    network between jobs and this machine [default: the site's]
+
+\b
+On other machines (pip install 'suspend[cluster]'; all must see the same folder):
+  suspend sweep FILE --scheduler tcp://HOST:8786    on the workers of a running Dask scheduler
+  suspend sweep FILE                                with a section cluster: on jobs made for it, given back at the end
 """
 
 
@@ -81,6 +89,11 @@ folder_option = click.option(
 @click.argument("file", type=Place())
 @folder_option
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Processes at a time. [default: all cores]")
+@click.option(
+    "--scheduler", metavar="ADDRESS",
+    help="Compute on the workers of this Dask scheduler: tcp://HOST:8786 or a scheduler file.",
+)
+@click.option("--local", is_flag=True, help="Compute here, though the file has a section `cluster`.")
 @click.option("--max-time", type=DurationType(), metavar="T", help="Stop all with checkpoints after T: 50m, 01:30:00.")
 @click.option("--retry-failed", is_flag=True, help="Try points again that failed for good.")
 @click.option("--dry-run", is_flag=True, help="Print the points, their predicted time and memory. Run nothing.")
@@ -105,7 +118,7 @@ def run_sweep(file, output, dry_run, **how) -> None:
     if dry_run:
         from suspend.sweep.overview import overview
 
-        click.echo("\n".join(overview(call, how["workers"])))
+        click.echo("\n".join(overview(call, how["workers"], _section(call, how))))
     elif how["emit"]:
         _emit(call, file, how["script"], how["quiet"])
     elif how["point"] is not None:
@@ -116,9 +129,13 @@ def run_sweep(file, output, dry_run, **how) -> None:
 
 def _check_options(dry_run: bool, how: dict) -> None:
     """Refuse options that contradict each other."""
-    given = [f"--{name}" for name in ("point", "emit") if how[name] is not None] + ["--dry-run"] * dry_run
+    given = [f"--{name}" for name in ("point", "emit", "scheduler") if how[name] is not None]
+    given += ["--dry-run"] * dry_run
     if len(given) > 1:
         raise click.UsageError(f"{given[0]} and {given[1]} do not go together: give one of them")
+    if how["scheduler"] is not None and (how["local"] or how["workers"] is not None):
+        other = "--local" if how["local"] else "--workers"
+        raise click.UsageError(f"--scheduler computes on its own workers, {other} on this machine: give one of them")
     if how["script"] is not None and how["emit"] is None:
         raise click.UsageError("--script FILE says where --emit writes: give --emit slurm-array, too")
     if how["point"] is not None and how["workers"] is not None:
@@ -154,13 +171,41 @@ def _run_point(call, how: dict) -> None:
 
 
 def _run_all(call, file, how: dict) -> None:
+    from suspend.sweep.run import is_due
+
+    if not (call.changed or is_due(call, how["retry_failed"])):
+        return
+    with _crew(call, how) as crew:
+        _run_locked(call, file, how, crew)
+
+
+def _crew(call, how: dict):
+    """Who computes beyond this machine, connected before anything is written; None: nobody."""
+    section = _section(call, how)
+    if not call.left or (how["scheduler"] is None and section is None):
+        return contextlib.nullcontext()
+    from suspend.sweep.crew import Crew
+
+    return Crew(how["scheduler"], section)
+
+
+def _section(call, how: dict):
+    """The section `cluster`, where it is to be used."""
+    section = None if how["local"] or how["scheduler"] is not None else call.sweep.cluster
+    if section is not None and how["workers"] is not None:
+        raise click.UsageError(
+            "the section cluster of the file says how many points are computed at a time: give --local to compute on "
+            "this machine with --workers, or leave out --workers"
+        )
+    return section
+
+
+def _run_locked(call, file, how: dict, crew) -> None:
     from suspend.errors import Interrupted
     from suspend.io.files import InUseError
     from suspend.sweep.run import is_due, open_call
 
     quiet = how["quiet"]
-    if not (call.changed or is_due(call, how["retry_failed"])):
-        return
     call.folder.make()
     try:
         lock = call.folder.lock()
@@ -178,19 +223,22 @@ def _run_all(call, file, how: dict) -> None:
             click.echo(f"{call.folder.path}: no longer in {file}, kept but not run: {names}", err=True)
         open_call(call, how["retry_failed"])
         if is_due(call):
-            _compute_all(call, file, how)
+            _compute_all(call, file, how, crew)
     finally:
         lock.release()
 
 
-def _compute_all(call, file, how: dict) -> None:
+def _compute_all(call, file, how: dict, crew) -> None:
     from suspend.sweep.run import compute
     from suspend_cli.sweep_progress import SweepProgress
 
     with SweepProgress(quiet=how["quiet"]) as progress:
         counts = f"{len(call.points)} points, {call.done} complete, {len(call.left)} to do"
         progress.message(f"{file} -> {call.folder.path}: {counts}")
-        compute(call, how["workers"], how["max_time"], progress.event, progress.report)
+        if crew is None:
+            compute(call, how["workers"], how["max_time"], progress.event, progress.report)
+        else:
+            crew.compute(call, how["max_time"], progress.event, progress.report, progress.message)
 
 
 @sweep.command("status")

@@ -59,7 +59,8 @@ class SweepProgress:
 def table(state, room: int = SHOWN) -> list[str]:
     """Lines for a state of the sweep."""
     head = f"{state.done}/{state.total} complete, {len(state.running)} running, {state.waiting} waiting"
-    lines = [head + (f", {len(state.failed)} failed" if state.failed else "")]
+    head += f", {len(state.failed)} failed" if state.failed else ""
+    lines = [head + (f", on {state.where}" if state.where else "")]
     running = state.running[: max(min(SHOWN, room), 1)]
     width = max((len(each.task.folder.name) for each in running), default=0)
     for each in running:

@@ -47,15 +47,15 @@ def make_tasks(points: list[Point], places: dict[str, Path]) -> list[Task]:
     return tasks
 
 
-def check_memory(tasks: list[Task], memory: float) -> None:
-    """Refuse points larger than the memory. Raises ConfigurationError."""
+def check_memory(tasks: list[Task], memory: float, remedy: str = "raise memory in the sweep file") -> None:
+    """Refuse points larger than the memory (bytes); `remedy` would give them more. Raises ConfigurationError."""
     large = [task for task in tasks if task.memory > memory]
     if large:
         worst = max(large, key=lambda task: task.memory)
         raise ConfigurationError(
             f"{len(large)} point(s) need more memory than the {memory / 1e9:.3g} GB there are for the sweep, the "
-            f"largest {worst.memory / 1e9:.3g} GB ({worst.point.name}): take a larger machine, fewer spheres, or raise "
-            "memory in the sweep file; nothing was started"
+            f"largest {worst.memory / 1e9:.3g} GB ({worst.point.name}): take a larger machine, fewer spheres, or "
+            f"{remedy}; nothing was started"
         )
 
 

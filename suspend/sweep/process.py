@@ -1,8 +1,9 @@
-"""Start of the process that computes one point, on this machine or on a worker of a cluster."""
+"""Start and stop of the process that computes one point, on this machine or on a worker of a cluster."""
 
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +32,12 @@ def start_process(folder: Path, sweep_folder: Path, directory: str, seconds: flo
             command, stdin=subprocess.PIPE, stdout=output, stderr=output, env=worker_environment(),
             start_new_session=True,  # Ctrl-C reaches the calling process alone, which then stops the others
         )  # fmt: skip
+
+
+def stop_process(process: subprocess.Popen) -> None:
+    """Ask for a checkpoint and the end."""
+    process.terminate()
+    process.send_signal(signal.SIGCONT)  # one that is suspended would never hear of it
 
 
 def worker_environment() -> dict[str, str]:

@@ -69,7 +69,7 @@ def slurm_array(call: Call, file: str | Path) -> tuple[str, list[str]]:
     section = call.sweep.cluster
     section = section if section is not None and section.kind == "slurm" else None
     if section is not None:
-        check_memory(tasks, section.memory_of_point)
+        check_memory(tasks, section.memory_of_point, "raise cluster.memory in the sweep file")
     folder = call.folder.path.resolve()
     call.folder.make_within(LOGS)
     memory = section.memory_of_point if section else max([LEAST_MEMORY, *(1.5 * task.memory for task in tasks)])
