@@ -193,7 +193,7 @@ def analyze(paths, as_json, csv_path, plot_path, last, dynamics, structure) -> N
             raise click.UsageError("--plot draws one run; `suspend plot` draws several")
         if dynamics or structure:
             raise click.UsageError("--dynamics and --structure are of one run")
-        _analyze_many(runs, as_json, csv_path, last)
+        _analyze_many(runs, as_json, csv_path, last, sweeps)
         return
     path = runs[0]
     from suspend.analysis.summary import analyze as analyze_run
@@ -234,7 +234,7 @@ def _sections(path, dynamics: bool, structure: bool) -> dict:
     return sections
 
 
-def _analyze_many(paths, as_json, csv_path, last) -> None:
+def _analyze_many(paths, as_json, csv_path, last, sweeps) -> None:
     from suspend.analysis.collection import Collection
     from suspend.analysis.collection_text import format_collection
     from suspend.analysis.phase_diagram import PhaseDiagram
@@ -247,7 +247,8 @@ def _analyze_many(paths, as_json, csv_path, last) -> None:
     if as_json:
         from suspend_cli.report import to_json
 
-        click.echo(to_json({"collection": collection.summary(), "phase_diagram": diagram.summary()}))
+        counts = {"sweeps": {sweep["sweep"]: sweep["counts"] for sweep in sweeps}} if sweeps else {}
+        click.echo(to_json({"collection": collection.summary(), "phase_diagram": diagram.summary()} | counts))
     else:
         click.echo(format_collection(collection, diagram))
 

@@ -28,8 +28,11 @@ folder; the sweep may be running. A crontab line that publishes it each night at
 )
 @click.option("--last", type=click.IntRange(min=1), metavar="N", help="Average over the last N cycles.")
 @click.option("--title", metavar="TEXT", help="Title of the page.")
+@click.option(
+    "--each", is_flag=True, help="Sweeps: also write report.html into the folder of each complete point that lacks it."
+)
 @click.option("-q", "--quiet", is_flag=True, help="Print errors only.")
-def report(runs, output, last, title, quiet) -> None:
+def report(runs, output, last, title, each, quiet) -> None:
     """One page about one run or many, or about a sweep: results, errors, figures, cost, warnings.
 
     RUNS are folders of runs, which may still be going on, or their trajectory files; or sweeps, by their folders or
@@ -42,10 +45,12 @@ def report(runs, output, last, title, quiet) -> None:
         raise click.UsageError(
             f"{runs[sweeps.index(True)]} is a sweep, {runs[sweeps.index(False)]} is none: they go on different pages"
         )
+    if each and not any(sweeps):
+        raise click.UsageError("--each is for sweeps: give the folder of one, or its file")
     if any(sweeps):
         from suspend.sweep.page import write_sweep_page
 
-        notes = write_sweep_page(runs, output, last=last, title=title)
+        notes = write_sweep_page(runs, output, last=last, title=title, each=each)
         notes = [] if quiet else notes  # they are on the page
     else:
         from suspend.report import write_report

@@ -130,10 +130,27 @@ def test_bounds_and_the_fitted_exponent():
     assert text.count("outside") == 5 and text.count("4 of 4 agree") == 5 and "(6.21875, 6.28125)" in text
 
 
+def test_pages_of_the_runs(tmp_path, monkeypatch):
+    """each: a page in the folder of every complete point, linked; written again only when the run has changed."""
+    monkeypatch.setattr("suspend.report.write.figures_of", lambda run: [])  # most of the time
+    path = make_sweep(tmp_path / "x", sweep_text(VARY), lambda p: "" if p.config.flow.amplitude < 1.0 else "waiting")
+    write_sweep_page([path], path / "index.html", each=True)
+    pages = sorted(path.glob(f"*/{RUN_PAGE}"))
+    assert len(pages) == 2 and all("Report on gamma0" in page.read_text() for page in pages)
+    source = (path / "index.html").read_text()
+    assert all(f'href="./{page.parent.name}/{RUN_PAGE}"' in source for page in pages)
+    pages[0].write_text("kept")
+    pages[1].write_text("old")
+    os.utime(pages[1], (0, 0))
+    write_sweep_page([path], path / "index.html", each=True)
+    assert pages[0].read_text() == "kept" and "Report on gamma0" in pages[1].read_text()
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "text"),
     [
         (("BASE", "BASE/starts"), 2, "different pages"),
+        (("BASE/starts", "--each"), 2, "--each is for sweeps"),
         (("BASE", "-o", "page.txt"), 2, ".html"),
         (("BASE", "-o", "no/such/folder/p.html"), 4, "no/such/folder"),
     ],

@@ -12,10 +12,11 @@ import pytest
 from synthetic_sweeps import make_sweep, sweep_text
 
 from suspend.errors import ConfigurationError
-from suspend.figures.amplitude import curves_by, curves_of, error_entry, fill_style, fills, marker_style
+from suspend.figures.amplitude import curves_by, curves_of
+from suspend.figures.groups import error_entry, far_field_entries, group_entries, marker_style
 from suspend.figures.make import make_figure
 from suspend.figures.runs import open_runs
-from suspend.figures.style import BLUE, journal
+from suspend.figures.style import journal
 from suspend.sweep.runs import is_sweep, select_runs
 from suspend_cli.main import main
 
@@ -72,6 +73,8 @@ def test_a_folder_of_runs_is_no_sweep(tmp_path, swept):
     assert not is_sweep(tmp_path) and not is_sweep("runs") and is_sweep("runs/s")
     assert select_runs(["runs", "absent"]).runs == ["runs", "absent"]
     assert select_runs(["absent", "runs/s"]).runs[0] == "absent"
+    both = select_runs([swept / "runs/s", "s.yaml"])
+    assert len(both.sweeps) == 1 and len(both.runs) == 9
     (tmp_path / "a.yaml").write_text("seed: 1\n")
     with pytest.raises(ConfigurationError, match=r"a\.yaml"):
         select_runs([tmp_path / "a.yaml"])
@@ -114,10 +117,10 @@ def test_far_field_filled_near_field_empty(swept):
         assert [c.far_field for c in curves] == [True, False]
         far, near = (marker_style(c, curves) for c in curves)
         assert far["markerfacecolor"] == far["color"] == near["color"] and near["markerfacecolor"] == "white"
-        assert fills(curves) == {"far_field = ewald": "full", "far_field = self": "none"}
+        assert [e.get_label() for e in far_field_entries(curves)] == ["with far field", "without"]
+        assert [e.get_label() for e in group_entries(curves)] == [r"$\phi = 0.4$"]
         (entry,) = error_entry(curves_by(runs, final, "spheres"))
         assert entry.get_label() == "s.e. over 2 seeds,\none: spheres"
-        assert fill_style("full", BLUE) == {"markerfacecolor": BLUE}
 
 
 @pytest.mark.parametrize("name", ["viscosity", "n1", "n2", "dynamics"])
@@ -129,14 +132,21 @@ def test_figures_from_the_command_line(swept, tmp_path, capsys, name):
     assert BAD in err and "gamma0-0.8_far_field-self_seed-2" in err and "not begun" in err
 
 
-def test_numbers_of_spheres_and_kinds_of_start_are_not_mixed(tmp_path, monkeypatch):
+def test_another_key_makes_groups_of_its_own(tmp_path):
     """A sweep that crosses amplitudes with another key: a group for each value, named in legend and CSV."""
     text = sweep_text({"flow.amplitude": [0.4, 0.8], "particles.initial": ["equilibrium", "quenched"]}, seeds=2)
     base = make_sweep(tmp_path / "x", text)
-    make_figure("thinning", select_runs([base]).runs, tmp_path, ["png"])
+    runs = select_runs([base]).runs
+    make_figure("thinning", runs, tmp_path, ["png"])
     table = columns(tmp_path / "thinning.csv")
     kinds = [f"particles.initial = {kind}" for kind in ("equilibrium", "quenched")]
     assert sorted(set(table["setup"])) == kinds and set(table["runs[-]"]) == {"2"} and len(table["setup"]) == 4
+    with journal():
+        curves = curves_of(open_runs(runs), "eta_r_prime")
+        assert len({marker_style(c, curves)["color"] for c in curves}) == 2
+        assert [e.get_label() for e in group_entries(curves)] == [
+            f"$\\phi = 0.4$, {kind}" for kind in ("equilibrium", "quenched")
+        ]
 
 
 def test_analyze_a_sweep(swept, capsys):
@@ -144,7 +154,8 @@ def test_analyze_a_sweep(swept, capsys):
     code, out, err = call(capsys, "analyze", "runs/s")
     assert code == 0 and "9 runs in 2 series" in out and "minimum of eta_r'" in out and BAD in err
     code, from_file, _ = call(capsys, "analyze", "s.yaml", "--json")
-    assert code == 0 and json.loads(from_file)["collection"]["runs"] == 9
+    content = json.loads(from_file)
+    assert code == 0 and content["collection"]["runs"] == content["sweeps"]["runs/s"]["complete"] == 9
 
 
 def test_an_unreadable_point_stops_nothing(swept, tmp_path, capsys):

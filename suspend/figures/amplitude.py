@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from suspend.analysis.collection import SeedAverage, Series, seed_average
+from suspend.figures.groups import error_entry, far_field_entries, group_entries, marker_style
 from suspend.figures.panel import Columns, Panel, labelled, stack
 from suspend.figures.runs import Runs
-from suspend.figures.style import BLACK, curve_style, errors_or_none, log_axis_of, number, zero_lines
+from suspend.figures.style import errors_or_none, log_axis_of, zero_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 GAMMA0 = r"strain amplitude $\gamma_0$"
 _FEW = 3  # entries of a legend that find their place among the curves
 _ROW = 0.055  # height of a row of a legend relative to axes as high as the page
-_FILLS = ("none", "full", "left", "top", "right", "bottom")  # of markers, one for each setup
+_MOST = 0.66  # of the height that a legend may take
 
 
 @dataclass(frozen=True)
@@ -88,27 +89,6 @@ def curve_table(curves: list[Curve], name: str, unit: str = "-") -> Columns:
     )
 
 
-def marker_style(curve: Curve, curves: list[Curve]) -> dict:
-    """Colour and marker by volume fraction, filling by setup: full with far field, else empty first."""
-    fractions = sorted({c.phi for c in curves})
-    style = curve_style(fractions.index(curve.phi))
-    return style | fill_style(fills(curves)[curve.setup], style["color"])
-
-
-def fills(curves: Sequence[Curve | Series]) -> dict[str, str]:
-    """Filling of the markers of each setup: full with far field, empty for the setup with the most points without."""
-    points = {setup: sum(len(c.gamma0) for c in curves if c.setup == setup) for setup in {c.setup for c in curves}}
-    ordered = sorted(points, key=lambda setup: (-points[setup], setup))
-    far = {c.setup for c in curves if c.far_field}
-    given = {setup: "full" for setup in ordered if setup in far}
-    given = dict(list(given.items())[:1])
-    free = [fill for fill in _FILLS if fill not in given.values()]
-    for setup in ordered:
-        if setup not in given:
-            given[setup] = free.pop(0) if len(free) > 1 else free[0]
-    return given
-
-
 def draw_curves(ax: Axes, curves: list[Curve], shift: dict[float, float] | None = None) -> None:
     """Points with error bars joined by thin lines, against the logarithm of the amplitude."""
     for curve in curves:
@@ -137,67 +117,12 @@ def values_of(curves: list[Curve]) -> np.ndarray:
     return np.concatenate([c.value[c.known] for c in curves])
 
 
-def fraction_entries(curves: list[Curve]) -> list:
-    """Legend entries: volume fractions by colour and marker, setups by filling where there are several, the bars."""
-    from matplotlib.lines import Line2D
-
-    entries, seen = [], set()
-    for c in sorted(curves, key=lambda c: (c.phi, -len(c.gamma0))):
-        if c.phi not in seen:
-            seen.add(c.phi)
-            style = marker_style(c, curves)
-            entries.append(Line2D([], [], linewidth=0.7, label=rf"$\phi = {number(c.phi)}$", **style))
-    return [*entries, *setup_entries(curves), *error_entry(curves)]
-
-
-def setup_entries(curves: Sequence[Curve | Series]) -> list:
-    """Legend entries for the fillings of the setups; none for a single one."""
-    from matplotlib.lines import Line2D
-
-    setups, entries = fills(curves), []
-    far = {c.setup: c.far_field for c in curves}
-    plain = len(setups) == 2 and set(far.values()) == {True, False}
-    for setup, fill in sorted(setups.items()) if len(setups) > 1 else ():
-        text = ("with far field" if far[setup] else "without") if plain else short_setup(setup)
-        entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, label=text, **fill_style(fill, BLACK)))
-    return entries
-
-
-def fill_style(fill: str, colour: str) -> dict:
-    """Keywords of a marker with this filling."""
-    face = {"none": {"markerfacecolor": "white"}, "full": {"markerfacecolor": colour}}
-    return face.get(fill, {"fillstyle": fill, "markerfacecoloralt": "white"})
-
-
-def error_entry(curves: list[Curve]) -> list:
-    """Legend entry that says what the bars are: standard errors over how many seeds, or within single runs."""
-    from matplotlib.lines import Line2D
-
-    shown = [c.known & np.isfinite(c.error) & (c.error > 0.0) for c in curves]
-    seeds = sorted({int(n) for c, k in zip(curves, shown, strict=True) for n in c.runs[k]})
-    if not seeds:
-        return []
-    several, parts = [n for n in seeds if n > 1], []
-    if several:
-        parts.append(f"{several[0]}" + (f"\u2013{several[-1]}" if len(several) > 1 else "") + " seeds")
-    if 1 in seeds:
-        parts.append(f"one: {curves[0].alone}" if several else curves[0].alone)
-    text = "s.e. over " + ",\n".join(parts)  # two short lines: panels are narrow
-    return [Line2D([], [], linestyle="", marker="|", markersize=7, color=BLACK, label=text)]
-
-
-def short_setup(setup: str) -> str:
-    """The text of a setup in a legend."""
-    for long, short in (("far_field = ewald", "far field"), ("far_field = self", "no far field"), ("_", " ")):
-        setup = setup.replace(long, short)
-    return setup or "other"
-
-
 def fraction_legend(ax: Axes, curves: list[Curve], row: float = _ROW) -> None:
-    """The legend of `fraction_entries`; a long one gets room above the curves, `row` of the height for each entry."""
-    entries = fraction_entries(curves)
+    """Legend of the groups, the far field and the bars; a long one gets room above the curves, `row` a line."""
+    entries = [*group_entries(curves), *far_field_entries(curves), *error_entry(curves)]
     if len(entries) > _FEW:
-        headroom(ax, row * sum(1 + str(entry.get_label()).count("\n") for entry in entries))
+        rows = sum(1 + str(entry.get_label()).count("\n") for entry in entries)
+        headroom(ax, min(row * rows, _MOST))
     ax.legend(handles=entries, loc="upper left" if len(entries) > _FEW else "best")
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from suspend.analysis.displacements import CyclicDiffusivity, DisplacementCloud
 from suspend.errors import ConfigurationError
-from suspend.figures.amplitude import curve_table, curves_by, draw_curves, fraction_legend, marker_style, values_of
+from suspend.figures.amplitude import curve_table, curves_by, draw_curves, fraction_legend, values_of
+from suspend.figures.groups import marker_style
 from suspend.figures.panel import Columns, Panel, labelled, stack
 from suspend.figures.phase_diagram import best_signatures
 from suspend.figures.runs import Member, Runs
@@ -107,7 +108,7 @@ class FinalDiffusivity(Panel):
         ax = page.subplots()
         draw_curves(ax, self.curves)
         for found in self.signatures:
-            colour = next(marker_style(c, self.curves)["color"] for c in self.curves if c.phi == found.series.phi)
+            colour = marker_style(found.series, self.curves)["color"]
             _, _, shared = found.agreement
             bound = found.bound or shared
             if bound is not None and bound.bracketed:

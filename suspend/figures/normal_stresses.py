@@ -17,11 +17,10 @@ from suspend.figures.amplitude import (
     curves_by,
     curves_of,
     draw_curves,
-    error_entry,
     fraction_legend,
-    marker_style,
     values_of,
 )
+from suspend.figures.groups import error_entry, families, family, group_entries, marker_style
 from suspend.figures.panel import Columns, Panel, labelled, stack
 from suspend.figures.runs import Runs
 from suspend.figures.style import BLACK, GREY, curve_style, errors_or_none, log_axis_of, number, shades, zero_lines
@@ -90,10 +89,10 @@ class SecondDifference(Panel):
         """Filled: the entire stress; empty: interparticle. Lines join the points of runs with far field."""
         ax = page.subplots()
         zero_lines(ax)
-        fractions = sorted({c.phi for c in self.total})
+        kinds = families(self.total)
         for curves, filled in ((self.total, True), (self.interparticle, False)):
             for c in curves:
-                style = curve_style(fractions.index(c.phi))
+                style = curve_style(kinds.index(family(c)))
                 face = {"markerfacecolor": style["color"] if filled else "white"}
                 line = {"linestyle": "-" if c.far_field else "", "linewidth": 0.7, "elinewidth": 0.7}
                 k = c.known
@@ -107,15 +106,14 @@ class SecondDifference(Panel):
         amplitude_axis(ax, self.total)
         ax.set_ylabel(r"$-\nu_0/\eta_0 = -\langle N_2\rangle/\eta_0\gamma_0\omega$")
         ax.margins(y=0.12)
-        self._legend(ax, fractions)
+        self._legend(ax)
 
-    def _legend(self, ax, fractions: list[float]) -> None:
+    def _legend(self, ax) -> None:
         from matplotlib.lines import Line2D
 
-        entries = [
-            Line2D([], [], linestyle="", label=rf"$\phi = {number(phi)}$", **curve_style(i))
-            for i, phi in enumerate(fractions)
-        ]
+        entries = group_entries(self.total)
+        for entry in entries:
+            entry.set(linestyle="", markerfacecolor=entry.get_color())
         for text, face in (("entire stress", BLACK), ("interparticle", "white")):
             entries.append(Line2D([], [], linestyle="", marker="o", color=BLACK, markerfacecolor=face, label=text))
         if len({c.far_field for c in self.total}) == 2:

@@ -11,14 +11,17 @@ from typing import Any
 from urllib.parse import quote
 
 from suspend.analysis.collection import Member
+from suspend.errors import SuspendError, named
 from suspend.io.files import replace_text, storage_errors
+from suspend.io.reader import TRAJECTORY
+from suspend.report import write_report
 from suspend.report.page import check_target, document
-from suspend.report.text import UNKNOWN, duration, number, table, with_error
+from suspend.report.text import UNKNOWN, duration, number, table
 from suspend.sweep.folder import LOG
 from suspend.sweep.page_results import QUANTITIES, Results
 from suspend.sweep.points import short_name
-from suspend.sweep.runs import left_out
-from suspend.sweep.status import STATES, sweep_status
+from suspend.sweep.runs import complete_points, left_out, sweeps_at
+from suspend.sweep.status import STATES
 
 RUN_PAGE = "report.html"  # of a run, in its folder, where somebody had it written
 _SYMBOLS = {"gamma0": "γ<sub>0</sub>", "phi": "φ"}
@@ -30,22 +33,26 @@ def write_sweep_page(
     *,
     last: int | None = None,
     title: str | None = None,
+    each: bool = False,
 ) -> list[str]:
-    """Write one page about sweeps (their folders or files); returns the points that are left out of the results.
+    """Write one page about sweeps (their folders or files); returns what is left out of the results.
 
     States, failures, a table of all points with links to their folders (relative to the page), and what the complete
-    points show together. Only reads the sweeps, which may be going on. Atomic. last: cycles averaged over at the end of
-    each run. Raises ConfigurationError (suffix, a file that is no sweep), StorageError.
+    points show together. Only reads the sweeps, which may be going on; each: but writes a page about its run into the
+    folder of every complete point that has none since the run was changed. Atomic. last: cycles averaged over at the
+    end of each run. Raises ConfigurationError (suffix, a file that is no sweep), StorageError.
     """
     target = check_target(target)
-    found = [sweep_status(path) for path in sweeps]
-    results = Results(_complete(found), last)
+    found = sweeps_at(sweeps)
+    complete = [folder for status in found for folder in complete_points(status)]
+    unread = [note for path in complete for note in _own_page(Path(path), last)] if each else []
+    results = Results(complete, last)
     here = Path(os.path.abspath(target)).parent
     names = ", ".join(Path(os.path.abspath(status["sweep"])).name for status in found)
     body = [_summary(status) for status in found]
     body += [_failures(found, here), *results.html()]
     body += [_points(status, here, results.members) for status in found]
-    missing = [note for status in found for note in left_out(status)]
+    missing = [*(note for status in found for note in left_out(status)), *unread]
     body += [_notes([*missing, *results.notes()]), _legend()]
     page = document(title or f"{'Sweep' if len(found) == 1 else 'Sweeps'} {names}", body)
     with storage_errors("write", target):
@@ -53,13 +60,15 @@ def write_sweep_page(
     return missing
 
 
-def _complete(found: list[dict[str, Any]]) -> list[str]:
-    return [
-        str(Path(status["sweep"]) / point["folder"])
-        for status in found
-        for point in status["points"]
-        if point["state"] == "complete"
-    ]
+def _own_page(folder: Path, last: int | None) -> list[str]:
+    """Write the page of a run where it is older than the run or missing; why it could not be."""
+    page = folder / RUN_PAGE
+    try:
+        if page.is_file() and page.stat().st_mtime_ns > (folder / TRAJECTORY).stat().st_mtime_ns:
+            return []
+        return write_report([folder], page, last=last)
+    except (OSError, SuspendError) as error:
+        return [f"no page of its own: {named(folder, error)}"]
 
 
 def _summary(status: dict[str, Any]) -> str:
@@ -113,7 +122,7 @@ def _points(status: dict[str, Any], here: Path, members: dict[str, Member]) -> s
     head = ["Point", *(_SYMBOLS.get(short_name(key), escape(short_name(key))) for key in keys), "Seed", "State"]
     head += ["Total strain", "Run time", *QUANTITIES.values(), "Files"]
     rows = [_point_cells(status, point, keys, here, members) for point in points]
-    note = '<p class="soft">± is the standard error over the last cycles of each run. Names lead to the folders.</p>'
+    note = '<p class="soft">Means over the last cycles of each run. Names lead to the folders.</p>'
     name = escape(Path(status["sweep"]).name)
     return f'<section class="points"><h2>Points of {name}</h2>\n{note}{table(rows, head, kind="dense")}</section>'
 
@@ -123,16 +132,16 @@ def _point_cells(status, point: dict[str, Any], keys: list[str], here: Path, mem
     member = members.get(str(folder))
     values = [UNKNOWN] * len(QUANTITIES)
     if member is not None:
-        values = [with_error(member.values[name], member.errors[name]) for name in QUANTITIES]
+        values = [number(member.values[name]) for name in QUANTITIES]
     linked = [(folder / name, text) for name, text in ((LOG, "log"), (RUN_PAGE, "report"))]
     files = [_link(path, here, text) for path, text in linked if path.is_file()]
-    strain = number(point["total_strain"] if point["state"] == "complete" else point["strain"])
+    strain, asked = number(point["strain"]), number(point["total_strain"] or None)
     return [
         _name(status, point, here),
         *(_parameter(point["parameters"].get(key, "")) for key in keys),
         str(point["seed"]),
         point["state"],
-        strain if point["state"] == "complete" else f"{strain} of {number(point['total_strain'])}",
+        asked if point["state"] == "complete" else f"{strain} of {asked}" if point["strain"] else UNKNOWN,
         duration(point["seconds"]),
         *values,
         ", ".join(files) or UNKNOWN,

@@ -11,7 +11,7 @@ from suspend.analysis.collection import Member, Series
 from suspend.analysis.phase_diagram import EXPONENT, PREFACTOR, PhaseDiagram, experimental_fit
 from suspend.analysis.signatures import Range, Signatures
 from suspend.errors import SuspendError
-from suspend.figures.amplitude import short_setup
+from suspend.figures.groups import short_setup
 from suspend.figures.phase_diagram import LEAST_FRACTIONS
 from suspend.figures.runs import Runs, open_runs
 from suspend.report.drawing import picture
@@ -33,8 +33,8 @@ PANELS = (  # module:class, title, what it shows, size
     (
         "diffusivity:FinalDiffusivity",
         "Final D<sub>cyc</sub>",
-        "Of the last cycle that ends by total strain 256; shaded: the bounds on γ<sub>c</sub>, pale where only most "
-        "signatures share them.",
+        "Of the last cycle that ends by total strain 256 (in the tables the mean over the last cycles); shaded: the "
+        "bounds on γ<sub>c</sub>, pale where only most signatures share them.",
         _LOW,
     ),
 )

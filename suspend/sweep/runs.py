@@ -41,19 +41,27 @@ def select_runs(paths: Iterable[os.PathLike | str]) -> Selection:
     Raises ConfigurationError where only sweeps are given and none has a complete point, or a file is no sweep;
     StorageError.
     """
-    runs, sweeps, notes = [], [], []
-    for path in map(os.fspath, paths):
-        if not is_sweep(path):
-            runs.append(path)
-            continue
-        status = sweep_status(path)
-        sweeps.append(status)
-        complete = [p for p in status["points"] if p["state"] == "complete"]
-        runs += [str(Path(status["sweep"]) / p["folder"]) for p in complete]
-        notes += left_out(status)
+    paths = [os.fspath(path) for path in paths]
+    sweeps = sweeps_at(path for path in paths if is_sweep(path))
+    runs = [path for path in paths if not is_sweep(path)]
+    runs += [folder for status in sweeps for folder in complete_points(status)]
     if not runs and sweeps:
         raise ConfigurationError("; ".join(_nothing(status) for status in sweeps))
-    return Selection(runs, sweeps, notes)
+    return Selection(runs, sweeps, [note for status in sweeps for note in left_out(status)])
+
+
+def sweeps_at(paths: Iterable[os.PathLike | str]) -> list[dict[str, Any]]:
+    """What `sweep_status` says of the sweeps, each once where both its folder and its file are given."""
+    found: dict[Path, dict[str, Any]] = {}
+    for path in paths:
+        status = sweep_status(path)
+        found.setdefault(Path(status["sweep"]).resolve(), status)
+    return list(found.values())
+
+
+def complete_points(status: dict[str, Any]) -> list[str]:
+    """Folders of the complete points of a sweep."""
+    return [str(Path(status["sweep"]) / p["folder"]) for p in status["points"] if p["state"] == "complete"]
 
 
 def _nothing(status: dict[str, Any]) -> str:
