@@ -135,22 +135,18 @@ def bounds(diagram: PhaseDiagram) -> str:
 
 def _bound_cells(signatures: Signatures) -> tuple[str, ...]:
     bound, (agreeing, found, shared) = signatures.bound, signatures.agreement
-    seeds = signatures.confidence("gamma_c") or {}
+    seeds = signatures.confidence("gamma_c")
+    closed = seeds is not None and math.isfinite(seeds["low"])
     value = float(experimental_fit(signatures.series.phi))
     inside = bound is not None and bound.low < value < bound.high
     return (
         _title(signatures.series),
-        _interval(bound) if bound else "none" + (f" (most share {_interval(shared)})" if shared else ""),
-        f"({seeds['low']:g}, {seeds['high']:g})" if math.isfinite(seeds.get("low", math.nan)) else UNKNOWN,
+        str(bound) if bound else "none" + (f" (most share {shared})" if shared else ""),
+        str(Range(seeds["low"], seeds["high"], math.nan)) if closed else UNKNOWN,
         f"{agreeing} of {found} agree" if found else "too few amplitudes",
         f"{value:.3g}",
         ("within" if inside else "outside") if bound else UNKNOWN,
     )
-
-
-def _interval(found: Range) -> str:
-    high = f"{found.high:g}" if math.isfinite(found.high) else "∞"
-    return f"({found.low:g}, {high})"
 
 
 def _laws(diagram: PhaseDiagram) -> Iterator[str]:
