@@ -43,6 +43,11 @@ The file (YAML):
   workers: 2                          processes on this machine [default: all cores]
   retries: 2                          of a point that fails, over all calls
   memory: 8 GB                        for all runs together, on this machine [default: what is free]
+  adaptive:                           amplitudes are added where gamma_c is, group by group
+    width: 0.05                       of its bound, relative [default]
+    points: 12                        added at most, each with all seeds [default]
+    signatures: [D_cyc, eta_r_prime]  [default: these, minus_eta3_over_eta1, minus_N2_nu0, nu4_over_nu2]
+    key: flow.amplitude               refined [default]
   cluster:                            computed by jobs of a batch system, unless --local or --scheduler is given
     kind: slurm                       slurm, pbs or sge
     workers: 64                       points at a time
@@ -116,9 +121,10 @@ def run_sweep(file, output, dry_run, **how) -> None:
     _check_options(dry_run, how)
     call = prepare(file, output)
     if dry_run:
+        from suspend.sweep.adaptive import group_lines
         from suspend.sweep.overview import overview
 
-        click.echo("\n".join(overview(call, how["workers"], _section(call, how))))
+        click.echo("\n".join([*overview(call, how["workers"], _section(call, how)), *group_lines(call)]))
     elif how["emit"]:
         _emit(call, file, how["script"], how["quiet"])
     elif how["point"] is not None:
@@ -144,8 +150,10 @@ def _check_options(dry_run: bool, how: dict) -> None:
 
 def _emit(call, file, script, quiet: bool) -> None:
     from suspend.io.files import replace_text, storage_errors
+    from suspend.sweep.adaptive import refine_now
     from suspend.sweep.slurm_array import slurm_array
 
+    refine_now(call, lambda text: None if quiet else click.echo(text, err=True))
     if not call.left:
         if not quiet:
             click.echo(f"{file}: all {len(call.points)} points are complete, there is nothing to submit", err=True)
@@ -171,9 +179,10 @@ def _run_point(call, how: dict) -> None:
 
 
 def _run_all(call, file, how: dict) -> None:
+    from suspend.sweep.adaptive import refinable
     from suspend.sweep.run import is_due
 
-    if not (call.changed or is_due(call, how["retry_failed"])):
+    if not (call.changed or refinable(call) or is_due(call, how["retry_failed"])):
         return
     with _crew(call, how) as crew:
         _run_locked(call, file, how, crew)
@@ -181,8 +190,10 @@ def _run_all(call, file, how: dict) -> None:
 
 def _crew(call, how: dict):
     """Who computes beyond this machine, connected before anything is written; None: nobody."""
+    from suspend.sweep.adaptive import refinable
+
     section = _section(call, how)
-    if not call.left or (how["scheduler"] is None and section is None):
+    if not (call.left or refinable(call)) or (how["scheduler"] is None and section is None):
         return contextlib.nullcontext()
     from suspend.sweep.crew import Crew
 
@@ -203,7 +214,8 @@ def _section(call, how: dict):
 def _run_locked(call, file, how: dict, crew) -> None:
     from suspend.errors import Interrupted
     from suspend.io.files import InUseError
-    from suspend.sweep.run import is_due, open_call
+    from suspend.sweep.adaptive import rounds
+    from suspend.sweep.run import open_call
 
     quiet = how["quiet"]
     call.folder.make()
@@ -222,8 +234,12 @@ def _run_locked(call, file, how: dict, crew) -> None:
             names = ", ".join(call.former[:SHOWN]) + more
             click.echo(f"{call.folder.path}: no longer in {file}, kept but not run: {names}", err=True)
         open_call(call, how["retry_failed"])
-        if is_due(call):
-            _compute_all(call, file, how, crew)
+        rounds(
+            call,
+            lambda left: _compute_all(call, file, how | {"max_time": left}, crew),
+            how["max_time"],
+            lambda text: None if quiet else click.echo(text, err=True),
+        )
     finally:
         lock.release()
 

@@ -37,6 +37,7 @@ def collect(
     """
     status = sweep_status(path)
     base = Path(status["sweep"])
+    groups = {group["key"]: group["verdict"] for group in status["adaptive"]}
     rows = []
     for point in status["points"]:
         folder = base / point["folder"]
@@ -49,8 +50,18 @@ def collect(
             "failures": point["failures"],
             "message": point["message"],
         }
+        row |= _refined(point, groups)
         rows.append(row | (point_scalars(folder, last, say) if (folder / TRAJECTORY).is_file() else {}))
     return rows
+
+
+def _refined(point: Mapping[str, Any], groups: Mapping[str, Mapping]) -> dict[str, Any]:
+    """Of a point of an adaptive sweep: whether it was added, and the bound on gamma_c of its group so far."""
+    if point.get("group") not in groups:
+        return {}
+    verdict = groups[point["group"]]
+    bound = {f"gamma_c_{end}[-]": verdict.get(end) for end in ("low", "high")}
+    return {"added": str(point["chosen"]).lower(), **bound}
 
 
 def _cell(value: Any) -> Any:

@@ -12,12 +12,13 @@ from suspend.config.load import read_text
 from suspend.config.schema import every_key
 from suspend.config.tree import Item, Problems, parse
 from suspend.errors import ConfigurationError
+from suspend.sweep.adaptive_section import AdaptiveSection, check_blocks, read_adaptive
 from suspend.sweep.cluster_section import ClusterSection, read_cluster
 from suspend.sweep.sizes import memory_bytes
 
 DEPTH = 7  # a list within a section within the base of a block
 BLOCK_KEYS = ("base", "set", "vary", "zip", "seeds")
-TOP_KEYS = (*BLOCK_KEYS, "runs", "workers", "retries", "memory", "cluster")
+TOP_KEYS = (*BLOCK_KEYS, "runs", "workers", "retries", "memory", "cluster", "adaptive")
 RANGE_KEYS = ("from", "to", "steps", "spacing")
 MOST_VALUES = 100_000
 RETRIES = 2
@@ -47,6 +48,7 @@ class Sweep:
     retries: int = RETRIES
     memory: float | None = None
     cluster: ClusterSection | None = None
+    adaptive: AdaptiveSection | None = None
 
 
 def read_sweep(path: str | Path) -> Sweep:
@@ -100,9 +102,12 @@ class _Reader:
         workers, retries = self._count(top, "workers", 1), self._count(top, "retries", 0)
         found = [block for block in blocks if block is not None]
         cluster = read_cluster(top["cluster"], self.problems) if "cluster" in top else None
+        adaptive = read_adaptive(top["adaptive"], self.problems) if "adaptive" in top else None
+        if adaptive is not None:
+            check_blocks(adaptive, found, self.problems, top["adaptive"].where)
         return Sweep(
             str(self.path), found, workers, RETRIES if retries is None else retries, self._memory(top.get("memory")),
-            cluster,
+            cluster, adaptive,
         )  # fmt: skip
 
     def _known(self, item: Item, keys: tuple[str, ...], within: str) -> dict[str, Item]:

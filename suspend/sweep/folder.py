@@ -108,9 +108,12 @@ class Folder:
         """What the last call wrote of the sweep; empty where there is none."""
         return _read_json(self.path / MANIFEST)
 
-    def write_manifest(self, source: str, entries: list[dict], former: list[str], retries: int) -> None:
-        """Write which points there are, where something changed. Raises StorageError."""
+    def write_manifest(
+        self, source: str, entries: list[dict], former: list[str], retries: int, groups: list[dict] | None = None
+    ) -> None:
+        """Write which points there are, where something changed; groups: of an adaptive sweep. Raises StorageError."""
         content = {"source": source, "retries": retries, "points": entries, "no_longer_in_the_file": former}
+        content |= {"adaptive": groups} if groups else {}
         if content == self.manifest():
             return
         with storage_errors("write", self.path / MANIFEST):

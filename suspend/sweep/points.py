@@ -39,16 +39,16 @@ class Point:
 
 def resolve(sweep: Sweep) -> list[Point]:
     """All points, each once. Raises ConfigurationError that names every impossible point."""
-    shown = _shown_keys(sweep)
+    shown = shown_keys(sweep)
     points: dict[str, Point] = {}
     problems: dict[str, list[str]] = {}
     count = 0
     for block in sweep.blocks:
-        for assignments in _combinations(block):
+        for assignments in combinations(block):
             count += 1
             if count > MOST_POINTS:
                 raise ConfigurationError(f"{sweep.source}: more than {MOST_POINTS} points; leave out some values")
-            _add(block, assignments, shown, points, problems)
+            add_point(block, assignments, shown, points, problems)
     if problems:
         raise ConfigurationError(_impossible(sweep, count, problems))
     if not points:
@@ -56,7 +56,8 @@ def resolve(sweep: Sweep) -> list[Point]:
     return list(points.values())
 
 
-def _add(block: Block, assignments: list, shown: list[str], points: dict, problems: dict) -> None:
+def add_point(block: Block, assignments: list, shown: list[str], points: dict, problems: dict) -> None:
+    """Resolve one combination of a block and put it into `points` by its key; what is wrong goes into `problems`."""
     values = {name: _value(item) for name, item in assignments}
     label = _label(values, shown)
     try:
@@ -87,14 +88,15 @@ def _add(block: Block, assignments: list, shown: list[str], points: dict, proble
     points.setdefault(key, Point(f"{label}_{key}", key, config, parameters))
 
 
-def _combinations(block: Block) -> Iterator[list[tuple[str, Item]]]:
+def combinations(block: Block) -> Iterator[list[tuple[str, Item]]]:
+    """Values for the keys of a block, one list a point."""
     fixed = list(block.fixed.items())
     seeds = [()] if block.seeds is None else [(("seed", item),) for item in block.seeds]
     for choice in itertools.product(*block.axes, seeds):
         yield fixed + [entry for part in choice for entry in part]
 
 
-def _shown_keys(sweep: Sweep) -> list[str]:
+def shown_keys(sweep: Sweep) -> list[str]:
     """Keys in which points may differ, in the order of the file; the seed comes last."""
     found: dict[str, None] = {}
     fixed = [{name: repr(_value(item)) for name, item in block.fixed.items()} for block in sweep.blocks]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from suspend.errors import ConfigurationError, Interrupted, NumericalError
 from suspend.io.files import InUseError
+from suspend.sweep.adaptive import Group, adopt, describe, make_groups, value_of
 from suspend.sweep.file import Sweep, read_sweep
 from suspend.sweep.folder import Folder, at_work, failure_text, is_complete, read_record, write_record
 from suspend.sweep.points import Point, check_points, resolve
@@ -24,6 +25,7 @@ class Call:
     places: dict[str, Path]
     former: list[str]  # folders whose points are not in the file any more
     left: list[Point] = field(default_factory=list)  # not complete
+    groups: list[Group] = field(default_factory=list)  # of an adaptive sweep
 
     @property
     def done(self) -> int:
@@ -32,7 +34,26 @@ class Call:
 
     def look(self) -> None:
         """See again what is complete: another call may have been at work."""
-        self.left = [point for point in self.left if not is_complete(self.places[point.key], point.config)]
+        self.left = self.incomplete(self.left)
+
+    def incomplete(self, points: list[Point]) -> list[Point]:
+        """Those of the points that are not complete."""
+        return [point for point in points if not is_complete(self.places[point.key], point.config)]
+
+    def write(self) -> None:
+        """Write what the sweep is into its folder, with the lock held. Raises StorageError."""
+        group_of = {point.key: group for group in self.groups for point in group.points}
+        entries = []
+        for point in self.points:
+            entry = {"folder": self.places[point.key].name, "key": point.key, "parameters": point.parameters}
+            entry["seed"] = point.seed
+            if point.key in group_of:
+                group = group_of[point.key]
+                entry["group"] = group.key
+                entry["chosen"] = value_of(point, self.sweep.adaptive.key) in group.chosen
+            entries.append(entry)
+        groups = [describe(self, group) for group in self.groups]
+        self.folder.write_manifest(self.sweep.source, entries, self.former, self.sweep.retries, groups)
 
     @property
     def changed(self) -> bool:
@@ -49,17 +70,16 @@ def prepare(file: str | Path, folder: str | Path | None = None) -> Call:
     points = resolve(sweep)
     folder = Folder(folder if folder is not None else Path("runs") / Path(file).stem)
     places, former = folder.place(points)
-    left = [point for point in points if not is_complete(places[point.key], point.config)]
-    return Call(sweep, folder, points, places, former, left)
+    call = Call(sweep, folder, points, places, former, groups=make_groups(sweep, points))
+    call.left = call.incomplete(points)
+    adopt(call)
+    return call
 
 
 def open_call(call: Call, retry_failed: bool = False) -> None:
     """Write what the sweep is into its folder, with the lock held. Raises StorageError."""
-    entries = [
-        {"folder": call.places[p.key].name, "key": p.key, "parameters": p.parameters, "seed": p.seed}
-        for p in call.points
-    ]
-    call.folder.write_manifest(call.sweep.source, entries, call.former, call.sweep.retries)
+    adopt(call)  # what another call has added meanwhile
+    call.write()
     if retry_failed:
         forget_failures(call)
 

@@ -9,6 +9,7 @@ from typing import Any
 from suspend.config import loads
 from suspend.errors import ConfigurationError, StorageError
 from suspend.io.files import holder
+from suspend.sweep.adaptive import Group, describe, line_of, value_of
 from suspend.sweep.file import RETRIES
 from suspend.sweep.folder import CONFIGURATION, MANIFEST, Folder, SweepLock, at_work, is_complete, read_record
 from suspend.sweep.folder import total_strain as strain_of
@@ -28,14 +29,23 @@ def sweep_status(path: str | Path, folder: str | Path | None = None) -> dict[str
         content = base.manifest()
         if not content:
             raise StorageError(f"{path} holds no sweep ({MANIFEST} is missing): give the folder of one, or its file")
-        entries = [_Entry(base.path / e["folder"], None, e["parameters"], e["seed"]) for e in content["points"]]
+        entries = [
+            _Entry(base.path / e["folder"], None, e["parameters"], e["seed"], e.get("group"), e.get("chosen", False))
+            for e in content["points"]
+        ]
+        groups = content.get("adaptive", [])
         source, former, retries = content["source"], content["no_longer_in_the_file"], content.get("retries", RETRIES)
     else:
         from suspend.sweep.run import prepare
 
         call = prepare(path, folder)
         base, source, former, retries = call.folder, str(path), call.former, call.sweep.retries
-        entries = [_Entry(call.places[p.key], p.config, p.parameters, p.seed) for p in call.points]
+        group_of = {point.key: group for group in call.groups for point in group.points}
+        entries = [
+            _Entry(call.places[p.key], p.config, p.parameters, p.seed, *_place_in(call, group_of.get(p.key), p))
+            for p in call.points
+        ]
+        groups = [describe(call, group) for group in call.groups]
     points = [entry.describe(retries) for entry in entries]
     return {
         "sweep": str(base.path),
@@ -45,12 +55,21 @@ def sweep_status(path: str | Path, folder: str | Path | None = None) -> dict[str
         "seconds": sum(point["seconds"] for point in points),
         "points": points,
         "no_longer_in_the_file": former,
+        "adaptive": groups,
     }
 
 
+def _place_in(call, group: Group | None, point) -> tuple[str | None, bool]:
+    """Key of a point's group, and whether it was added to it."""
+    if group is None:
+        return None, False
+    return group.key, value_of(point, call.sweep.adaptive.key) in group.chosen
+
+
 class _Entry:
-    def __init__(self, folder: Path, config, parameters: dict, seed: int):
+    def __init__(self, folder: Path, config, parameters: dict, seed: int, group: str | None, chosen: bool):
         self.folder, self.config, self.parameters, self.seed = folder, config, parameters, seed
+        self.group, self.chosen = group, chosen
 
     def describe(self, retries: int) -> dict[str, Any]:
         config = self.config or self._stored()
@@ -71,7 +90,7 @@ class _Entry:
             "seconds_left": left,
             "failures": record.failures,
             "message": record.message if state != "complete" else "",
-        }
+        } | ({} if self.group is None else {"group": self.group, "chosen": self.chosen})
 
     def _stored(self):
         try:
@@ -108,6 +127,7 @@ def status_lines(status: dict[str, Any]) -> list[str]:
         )
         if point["message"]:
             lines.append(f"    failures: {point['failures']}, the last: {point['message']}")
+    lines += [line_of(group) for group in status["adaptive"]]
     if status["no_longer_in_the_file"]:
         lines.append("no longer in the file, kept: " + ", ".join(status["no_longer_in_the_file"]))
     return lines
