@@ -86,6 +86,8 @@ def test_no_bound_is_said():
     names = ("eta_r_prime", "minus_eta3_over_eta1", "nu4_over_nu2")
     found = decide(*columns(beyond, names), 0.05, 12)
     assert not found.amplitudes and "wider range: minimum of eta_r'" in found.reason
+    noise = {g: drawn_values(g, 0.8, 3, 20.0, np.random.default_rng(2)) for g in GIVEN[3:]}
+    assert "the scatter hides the place, more seeds" in decide(*columns(noise, ("D_cyc",)), 0.05, 12).reason
     apart = {g: drawn_values(g, 0.4, 3, 0.01, random) for g in GIVEN}
     for g in GIVEN:
         apart[g]["eta_r_prime"] = drawn_values(g, 1.6, 3, 0.01, random)["eta_r_prime"]

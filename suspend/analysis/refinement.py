@@ -105,7 +105,7 @@ def decide(amplitudes: np.ndarray, values: Values, errors: Values, width: float,
     """
     bound = find_bound(amplitudes, values, errors)
     if not bound.closed:
-        return Decision(bound, reason=_no_bound(bound))
+        return Decision(bound, reason=_no_bound(bound, amplitudes))
     alone = min(relative_width(r.low, r.high) for n, r in bound.ranges.items() if n in bound.agreeing and r.bracketed)
     if bound.width <= width and alone <= ALONE * width:
         return Decision(bound, narrow=True, reason="as narrow as asked")
@@ -177,6 +177,7 @@ def _neighbours(values: np.ndarray) -> np.ndarray:
 def _shown(x: np.ndarray, y: np.ndarray, noise: np.ndarray, degree: int) -> Range | None:
     """Between the amplitudes that are shown to lie below and above the largest value (slope, for degree 2) of y."""
     k = int(np.argmax(y)) if degree == 1 else int(np.argmax(np.diff(y) / np.diff(np.log(x))))
+    best = float(x[k] if degree == 1 else math.sqrt(x[k] * x[k + 1]))
     near = (np.abs(np.log(x / x[k])) <= math.log(REACH)) | (np.abs(np.arange(len(x)) - k - 0.5 * (degree - 1)) < degree)
     x, y, noise = x[near], y[near], noise[:, near]
     if len(x) <= degree:
@@ -189,7 +190,7 @@ def _shown(x: np.ndarray, y: np.ndarray, noise: np.ndarray, degree: int) -> Rang
     found = contrasts @ y / sizes
     low = max((x[i] for (i, _), z in zip(windows, found, strict=True) if z > limit), default=0.0)
     high = min((x[r] for (_, r), z in zip(windows, found, strict=True) if z < -limit), default=math.inf)
-    return Range(float(low), float(high), float(x[np.argmax(y)])) if low < high else None
+    return Range(float(low), float(high), best) if low < high else None
 
 
 def _contrast(u: np.ndarray, first: int, last: int, degree: int) -> np.ndarray:
@@ -212,12 +213,15 @@ def _onset(x: np.ndarray, y: np.ndarray, noise: np.ndarray) -> Range | None:
     return Range(low, high, float(np.median([each.best for each in found])))
 
 
-def _no_bound(bound: Bound) -> str:
+def _no_bound(bound: Bound, amplitudes: np.ndarray) -> str:
     missing = [name for name, each in bound.ranges.items() if each is None]
-    ends = [name for name, each in bound.ranges.items() if each is not None and not each.bracketed]
+    open_ones = {name: each.best for name, each in bound.ranges.items() if each is not None and not each.bracketed}
+    ends = [name for name, best in open_ones.items() if not amplitudes[0] < best < amplitudes[-1]]
     if len(missing) > len(bound.ranges) / 2:
         return f"not found: {', '.join(missing)}"
     if ends:
         return f"at the end of the amplitudes, give a wider range: {', '.join(ends)}"
+    if open_ones:
+        return f"the scatter hides the place, more seeds or longer runs are needed: {', '.join(open_ones)}"
     found = ", ".join(f"{name} {each.low:.4g} to {each.high:.4g}" for name, each in bound.ranges.items() if each)
     return f"the signatures exclude each other: {found}"

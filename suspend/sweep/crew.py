@@ -6,6 +6,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from suspend.errors import ConfigurationError
 from suspend.sweep.cluster_section import ClusterSection
@@ -13,9 +14,12 @@ from suspend.sweep.points import check_points
 from suspend.sweep.prediction import check_memory, make_tasks
 from suspend.sweep.run import Call
 
+if TYPE_CHECKING:
+    from suspend.sweep.batch_jobs import BatchJobs
+
 
 class Crew:
-    """A context within which `compute` may be called once.
+    """A context within which `compute` may be called, again too where points were added; jobs stay between.
 
     scheduler : an address or a scheduler file; else section : the jobs to ask for. Entering it checks what can be
     checked before anything is written. Raises ConfigurationError, StorageError.
@@ -24,6 +28,7 @@ class Crew:
     def __init__(self, scheduler: str | None, section: ClusterSection | None):
         self.scheduler, self.section = scheduler, section
         self._opened = ExitStack()
+        self.jobs: BatchJobs | None = None
 
     def __enter__(self) -> Crew:
         """Connect, or see that jobs can be submitted."""
@@ -60,10 +65,12 @@ class Crew:
         from suspend.sweep.batch_jobs import BatchJobs
         from suspend.sweep.cluster import ClusterSweep
 
-        jobs = BatchJobs(self.section, Path(call.sweep.source).stem, call.folder.path.resolve(), note)
-        self._opened.callback(jobs.close)
-        client = self._opened.enter_context(jobs.client())
-        return ClusterSweep(call.folder, client, call.sweep.retries, self.section.workers, jobs)
+        if self.jobs is None:
+            self.jobs = BatchJobs(self.section, Path(call.sweep.source).stem, call.folder.path.resolve(), note)
+            self._opened.callback(self.jobs.close)
+            self.client = self._opened.enter_context(self.jobs.client())
+        self.jobs.note = note
+        return ClusterSweep(call.folder, self.client, call.sweep.retries, self.section.workers, self.jobs)
 
 
 def _check_installed(module: str) -> None:
