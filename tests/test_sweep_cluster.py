@@ -21,7 +21,7 @@ from suspend.errors import ConfigurationError
 from suspend.io import Run
 from suspend.sweep import read_sweep, resolve
 from suspend.sweep.cluster_section import ClusterSection
-from suspend.sweep.folder import Folder, Record, read_record, write_configuration
+from suspend.sweep.folder import Folder, Record, read_record, write_configuration, write_record
 from suspend.sweep.lease import Lease, LeaseWatch
 from suspend.sweep.prediction import make_tasks
 from suspend.sweep.remote import compute_point
@@ -249,6 +249,7 @@ def test_a_scheduler_that_is_not_there(tmp_path):
     (tmp_path / "other.json").write_text("{}")
     for place, code, expected in (
         ("tcp://127.0.0.1:9", 2, "no Dask scheduler answers there"),
+        ("", 4, "no such scheduler file"),
         ("nowhere.json", 4, "no such scheduler file"),
         ("other.json", 4, "is no scheduler file"),
         ("127.0.0.1:9", 2, "no Dask scheduler answers there"),
@@ -282,6 +283,32 @@ def test_workers_lost_one_after_the_other(tmp_path):
     assert events == [("again", 0)] * 5 and len(course.waiting) == 5
     lose(0.5)
     assert events[-1] == ("again", 1) and "lost 4 times" in read_record(task.folder).message
+
+
+@needs_dask
+def test_without_locks_a_lost_point_waits_for_silence(tmp_path, monkeypatch):
+    """Where no lock of the folder reaches the workers, a record that still changes is one of a process at work."""
+    from suspend.sweep import cluster
+
+    call = prepare(written(tmp_path, SWEEP), tmp_path / "s")
+    (task, *_) = make_tasks(call.points, call.places)
+    write_configuration(task.folder, task.point.config)
+    course = cluster.ClusterSweep(Folder(tmp_path / "s"), None, retries=2)
+    course._locks = False
+    assert not course._is_busy(task)  # never begun
+    now = [100.0]
+    monkeypatch.setattr(cluster.time, "monotonic", lambda: now[0])
+    for seconds in (0, 50, 100):  # news each time
+        now[0] += 50
+        write_record(task.folder, Record(running=True, updated=float(seconds)))
+        assert course._is_busy(task)
+    now[0] += cluster.QUIET - 1
+    assert course._is_busy(task)
+    now[0] += 2
+    assert not course._is_busy(task)
+    course._locks = True
+    write_record(task.folder, Record(running=True, updated=1.0))
+    assert not course._is_busy(task)  # the lock would be held
 
 
 # --- the lease --------------------------------------------------------------------------------------------------------

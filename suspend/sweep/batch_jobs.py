@@ -18,9 +18,9 @@ from distributed.deploy.spec import ProcessInterface
 
 from suspend.config.wall_time import clock
 from suspend.errors import ConfigurationError
-from suspend.sweep.cluster import silence
 from suspend.sweep.cluster_section import KINDS, ClusterSection
 from suspend.sweep.remote import JOB_END
+from suspend.sweep.scheduler import silence
 
 CLUSTERS = {"slurm": SLURMCluster, "pbs": PBSCluster, "sge": SGECluster}
 LOGS = "jobs"  # folder of the jobs' output, in the sweep's

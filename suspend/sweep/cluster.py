@@ -7,12 +7,11 @@ has lost its worker still writes the point's checkpoint.
 
 from __future__ import annotations
 
-import json
-import logging
 import os
 import socket
 import time
 import uuid
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from contextlib import suppress
@@ -20,23 +19,22 @@ from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from distributed import Client, Future, KilledWorker
 
 import suspend
 from suspend.core.kernel_cache import source_stamp
-from suspend.errors import ConfigurationError, Interrupted, StorageError
+from suspend.errors import ConfigurationError, Interrupted
 from suspend.sweep.course import POLL, Course, Outcome, Running
 from suspend.sweep.folder import Folder, Record, read_record
 from suspend.sweep.lease import Lease
 from suspend.sweep.prediction import Task, check_memory
 from suspend.sweep.remote import compute_point
+from suspend.sweep.scheduler import CONNECT
 
 if TYPE_CHECKING:
     from suspend.sweep.batch_jobs import BatchJobs
 
-CONNECT = 10.0  # seconds in which a scheduler answers
 PATIENCE = 20.0  # seconds without a worker after which that is said
 LOOK = 1.0  # seconds between looks at the workers
 FETCH = 30.0  # seconds in which a worker hands over how a process ended
@@ -44,8 +42,6 @@ GRACE = 60.0  # seconds for the checkpoints at the end
 QUIET = 60.0  # seconds without news of a point after which nobody computes it, where locks do not say so
 LOST = 3  # workers a point may lose in succession without having come further, before that is its failure
 LEAST = 30.0  # seconds a worker must have left for a point to start there
-SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "ucxx")
-PLACES = "tcp://HOST:8786 or the path of a scheduler file"
 
 
 @dataclass(frozen=True)
@@ -61,46 +57,6 @@ class Worker:
     threads: int
     memory: float
     until: float
-
-
-def connect(scheduler: str) -> Client:
-    """The scheduler at an address or named by a scheduler file. Raises ConfigurationError, StorageError."""
-    silence()
-    address = _address(scheduler)
-    try:
-        parts = urlsplit(address)
-        if parts.scheme not in SCHEMES:
-            raise ValueError(f"{parts.scheme}:// is none of Dask's protocols")
-        if parts.scheme in ("tcp", "tls"):  # heard of at once; Dask goes on trying
-            socket.create_connection((parts.hostname, parts.port), timeout=CONNECT).close()
-        return Client(address, timeout=CONNECT, set_as_default=False, name="suspend-sweep")
-    except (OSError, ValueError, TypeError, ImportError) as error:
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise ConfigurationError(
-            f"--scheduler {scheduler}: no Dask scheduler answers there ({reason[0]}): start one with `dask scheduler`, "
-            f"or give {PLACES}; nothing was started"
-        ) from error
-
-
-def silence() -> None:
-    """Keep Dask's logs off the screen: what the user must know is said by the sweep."""
-    for name in ["distributed", *logging.root.manager.loggerDict]:
-        if name.partition(".")[0] == "distributed":
-            logging.getLogger(name).setLevel(logging.CRITICAL)
-
-
-def _address(scheduler: str) -> str:
-    """The address of a scheduler, from its file where it is one."""
-    if "://" in scheduler:
-        return scheduler
-    path = Path(scheduler)
-    if path.is_file():
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            return str(json.loads(path.read_text(encoding="utf-8"))["address"])
-        raise StorageError(f"--scheduler {scheduler}: is no scheduler file; give {PLACES}; nothing was started")
-    if os.sep not in scheduler and scheduler.rpartition(":")[2].isdecimal():
-        return f"tcp://{scheduler}"
-    raise StorageError(f"--scheduler {scheduler}: there is no such scheduler file; give {PLACES}; nothing was started")
 
 
 class ClusterSweep(Course):
@@ -206,18 +162,24 @@ class ClusterSweep(Course):
     def _is_full(self) -> bool:
         if not self._is_connected() or (self._is_examining() and not self._begun):
             return True  # nothing is started before all that are there are known to be fit
-        return len(self.running) >= min(self.most, sum(worker.threads for worker in self.workers.values()))
+        return len(self.running) >= min(self.most, sum(worker.threads for worker in self._lasting()))
+
+    def _lasting(self) -> list[Worker]:
+        """The workers that have time enough left for a point."""
+        now = time.monotonic()
+        return [worker for worker in self.workers.values() if worker.until - now > LEAST]
 
     def _place(self, task: Task) -> Worker | None:
         """The worker with room that has most threads to spare."""
-        free = {}
-        for worker in self.workers.values():
-            there = [each.task for each in self.running if each.place.address == worker.address]
-            taken = sum(each.memory for each in there)
-            fits = taken + task.memory <= worker.memory and worker.until - time.monotonic() > LEAST
-            if fits and len(there) < worker.threads:
-                free[worker.address] = worker.threads - len(there)
-        return self.workers[max(free, key=free.get)] if free else None
+        count, memory = Counter(), Counter()
+        for each in self.running:
+            count[each.place.address] += 1
+            memory[each.place.address] += each.task.memory
+        free = [
+            worker for worker in self._lasting()
+            if count[worker.address] < worker.threads and memory[worker.address] + task.memory <= worker.memory
+        ]  # fmt: skip
+        return max(free, key=lambda worker: worker.threads - count[worker.address], default=None)
 
     def _is_busy(self, task: Task) -> bool:
         return super()._is_busy(task) or not (self._locks or self._is_quiet(task))
@@ -262,6 +224,8 @@ class ClusterSweep(Course):
         task, key = each.task, each.task.point.key
         if outcome.code is not None:
             self._losses.pop(key, None)
+            if outcome.code == Interrupted.exit_code:
+                self._busy[key] = time.monotonic()  # what stopped it may be there still: no start at once
             super()._ended(each, outcome)
             return
         strain, count = self._losses.get(key, (each.began.strain, 0))

@@ -32,9 +32,9 @@ class Crew:
 
     def __enter__(self) -> Crew:
         """Connect, or see that jobs can be submitted."""
-        _check_installed("distributed" if self.scheduler else "dask_jobqueue")
-        if self.scheduler:
-            from suspend.sweep.cluster import connect
+        _check_installed("distributed" if self.scheduler is not None else "dask_jobqueue")
+        if self.scheduler is not None:
+            from suspend.sweep.scheduler import connect
 
             self.client = self._opened.enter_context(connect(self.scheduler))
         else:
@@ -53,7 +53,7 @@ class Crew:
 
         check_points(call.left)
         tasks = make_tasks(call.left, call.places)
-        if self.scheduler:
+        if self.scheduler is not None:
             sweep = ClusterSweep(call.folder, self.client, call.sweep.retries)
         else:
             check_memory(tasks, self.section.memory, "raise cluster.memory in the sweep file")

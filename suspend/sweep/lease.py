@@ -66,6 +66,8 @@ class LeaseWatch:
 
     def is_visible(self) -> bool:
         """Whether the folder seen here is the one that the call sees."""
+        if not self._read().startswith(self.token):
+            look_again(self.path.parent)
         return self._read().startswith(self.token)
 
     def is_held(self) -> bool:
@@ -83,3 +85,9 @@ class LeaseWatch:
             return self.path.read_text(encoding="ascii")
         except (OSError, ValueError):
             return ""
+
+
+def look_again(folder: Path) -> None:
+    """Make a network file system ask for the folder's entries, of which it may remember that one was not there."""
+    with suppress(OSError):
+        os.listdir(folder)

@@ -16,7 +16,7 @@ from suspend.errors import Interrupted, SuspendError
 from suspend.io.files import holder, is_disk_trouble
 from suspend.sweep.course import Outcome, outcome_of
 from suspend.sweep.folder import CONFIGURATION, SweepLock, read_record
-from suspend.sweep.lease import EXPIRY, LeaseWatch
+from suspend.sweep.lease import EXPIRY, LeaseWatch, look_again
 from suspend.sweep.process import start_process, stop_process
 from suspend.sweep.worker import DISK
 
@@ -37,6 +37,8 @@ def compute_point(
     limits = [limit for limit in (seconds, seconds_left()) if limit is not None]
     if not watch.is_held() or min(limits, default=1.0) <= 0.0:
         return asdict(Outcome(Interrupted.exit_code, read_record(place)))
+    look_again(Path(sweep_folder))
+    look_again(place)
     try:
         process = start_process(place, Path(sweep_folder), directory, min(limits, default=None))
         with process.stdin:
