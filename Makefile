@@ -1,4 +1,5 @@
 # make demo: install into .venv, run the quick demo, analyse it     make test: the tests and the checks of style
+# make findings: what other packages do that one would guess wrong; installs them into temporary folders
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -8,7 +9,7 @@ SOURCES := pyproject.toml configs/demo.yaml $(shell find suspend cli -name '*.py
 unexport PYTHONPATH PYTHONHOME
 
 .DELETE_ON_ERROR:
-.PHONY: demo test long lint clean
+.PHONY: demo test long lint findings clean
 
 demo: $(VENV)/.installed
 	$(BIN)/suspend run configs/demo.yaml --output demo-run
@@ -26,6 +27,9 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/lint-imports
 	$(BIN)/interrogate suspend cli
+
+findings:
+	PYTHON=$(PYTHON) bash findings/run_all.bash
 
 clean:
 	rm -rf $(VENV) demo-run build dist suspend.egg-info .pytest_cache .ruff_cache .import_linter_cache

@@ -15,8 +15,9 @@ def write_xyz(choice: FrameChoice, path: Path, notes: list[str]) -> None:
     """Write the chosen frames; numbers have all their digits, so that they read back bit for bit.
 
     Lattice holds the cell vectors one after the other, its corner is the origin. Columns: species, pos, radius,
-    map_shift (cell vectors to add for the unwrapped position) and, where stored, stress (xx yy zz xy xz yz);
-    the comment line has time, strain, phase, cycle and frame. Raises OSError.
+    map_shift (cell vectors to add for the unwrapped position) and, where stored, Stress (xx yy zz xy xz yz; OVITO's
+    Stress Tensor, while ASE would take the name stress for the system's); the comment line has time, strain, phase,
+    cycle and frame. Raises OSError.
     """
     missing = 0
     with open(path, "w", encoding="ascii", newline="\n") as file:
@@ -29,7 +30,7 @@ def write_xyz(choice: FrameChoice, path: Path, notes: list[str]) -> None:
 
 def _write_frame(file, choice: FrameChoice, frame: ExportFrame) -> None:
     lattice = " ".join(repr(value) for value in frame.vectors.ravel().tolist())
-    columns = "species:S:1:pos:R:3:radius:R:1:map_shift:I:3" + (":stress:R:6" if frame.stress is not None else "")
+    columns = "species:S:1:pos:R:3:radius:R:1:map_shift:I:3" + (":Stress:R:6" if frame.stress is not None else "")
     facts = {name: getattr(frame, name) for name in ("time", "strain", "phase", "cycle", "tilt")}
     values = " ".join(f"{name}={value!r}" for name, value in facts.items())
     file.write(
