@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from suspend.conventions import COMPONENT_INDEX
+from suspend.core.pairs import HeldPairs
 from suspend.errors import NumericalError
 from suspend.forces import PairForce, interaction_range, pair_forces, stress_per_sphere
 from suspend.hydro.neighbours import VerletList, contacts_within
@@ -22,6 +23,7 @@ FAR_HISTORY = 2  # the same for the coupled solve (benchmarks/bench_coupled.py)
 # Smallest gap (radii) from which a factorisation serves several coupled solves: one of a pair that has since turned by
 # an angle t lets t^2/(4 gap) of its stiffness into soft directions.
 STIFF_GAP = 1e-3
+TURNED_GAP = 1e-4  # the same for near-field solves, whose factorisation costs a larger share
 PRESSED_GAP = 1e-6  # radii: below, round-off and stiffness of the gaps are what a solve or a step fails by
 PRESSED = (
     "smooth spheres are pressed together, and what helps is a force or a roughness that keeps them apart, not the "
@@ -157,7 +159,8 @@ class Suspension:
         length = HISTORY if self.far is None else FAR_HISTORY
         self.history, self.flow_history = History(length=length), History(length=length)
         self.baseline = 0  # iterations of the solve after the last factorisation
-        self.factor_point = None  # positions and tilt of the last factorisation
+        self.held: HeldPairs | None = None  # of the last evaluation
+        self.factor_point = None  # positions, tilt and held gaps of the last factorisation
         self.factor_age = 0  # evaluations with far field since then
         self.far_stresslet = None  # (N, 5) of the last evaluation with far field, on the fluid
 
@@ -176,18 +179,20 @@ class Suspension:
             self.chunks = split_rows(self.list.offset, self.threads)
 
     def evaluate(
-        self, position: np.ndarray, strain: float, tilt: float, rate: float, time: float
+        self, position: np.ndarray, strain: float, tilt: float, rate: float, time: float, held: HeldPairs | None = None
     ) -> np.ndarray:
         """Velocities (N, 6) relative to the undisturbed flow; raises `Overlap` or NumericalError.
 
-        `time` is the time since the start of the run, used to extrapolate the start of the solve.
+        `time` is the time since the start of the run, used to extrapolate the start of the solve; `held` : gaps of
+        touching pairs (`suspend.gaps`).
         """
         self.counters.evaluations += 1
         if self.list is not None and not self.list.valid(position, strain):
             self.renew(position, strain, tilt)
         load = np.tile(self.scene.external, (self.number, 1))
         if self.near is not None:
-            gap = self.near.assemble(position, self.scene.edge, tilt)
+            self.held = held
+            gap = self.near.assemble(position, self.scene.edge, tilt, held)
             if gap <= 0.0 and self.scene.table.frozen <= 0.0:
                 raise Overlap(gap)
             self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
@@ -215,7 +220,7 @@ class Suspension:
             raise Overlap(gap)
 
     def _solve(self, load: np.ndarray, position: np.ndarray, tilt: float, time: float) -> np.ndarray:
-        fresh = self.factor_point is None
+        fresh = self.factor_point is None or self.smallest_gap < TURNED_GAP
         if fresh:
             self.factor(position, tilt)
         start = self.history.extrapolate(time, load.shape)
@@ -264,7 +269,7 @@ class Suspension:
         """Factorise the preconditioner from the scalars just assembled at `position`."""
         self.near.precondition(self.settings.close_gap)
         self.counters.factorisations += 1
-        self.factor_point = (position.copy(), tilt)
+        self.factor_point = (position.copy(), tilt, self.held)
 
     def _conjugate_gradient(self, load: np.ndarray, start: np.ndarray):
         floor2 = self.number * VELOCITY_FLOOR**2

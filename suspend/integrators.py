@@ -78,6 +78,7 @@ class Step:
     velocity: np.ndarray  # (N, 6) at the end
     error: float | None  # rms over the spheres of the estimated position error, radii
     gaps: GapHistory | None = None
+    gap_error: float = 0.0  # rms over the touching pairs of the estimated error of ln h
 
 
 @dataclass
@@ -100,7 +101,7 @@ def moved(position: np.ndarray, strain_increment: float) -> np.ndarray:
 def take_step(method: Method, evaluate, strain, position, velocity, time: float, size: float, gaps=None) -> Step:
     """One trial step of `size` from `time`.
 
-    evaluate(position, time) -> (N, 6) velocities relative to the undisturbed flow; strain(time) -> gamma;
+    evaluate(position, time, held) -> (N, 6) velocities relative to the undisturbed flow; strain(time) -> gamma;
     position (N, 3) and velocity (N, 6) at `time`. gaps : `suspend.gaps.CloseGaps` of these positions, or None.
     Exceptions of `evaluate` pass through and change nothing here.
     """
@@ -110,44 +111,44 @@ def take_step(method: Method, evaluate, strain, position, velocity, time: float,
         return moved(velocity[:, :3], -(strain(at) - base))
 
     slopes = [velocity[:, :3]]
-    rates = [gaps.rates(position, time, velocity)] if gaps is not None else None
+    rates = [gaps.rates(gaps.held(), position, time, velocity)] if gaps is not None else None
 
-    def placed(weights, at: float) -> np.ndarray:
+    def evaluated(weights, at: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of a stage; its slopes are added."""
         stage = moved(position + size * _combine(weights, slopes), strain(at) - base)
+        held = None
         if gaps is not None:
-            gaps.hold(stage, at, size * _combine(weights, rates))
-        return stage
-
-    for node, row in zip(method.nodes[1:], method.rows[1:], strict=True):
-        at = time + node * size
-        stage = placed(row, at)
-        found = evaluate(stage, at)
+            held = gaps.held(size * _combine(weights, rates))
+            gaps.hold(stage, at, held)
+        found = evaluate(stage, at, held)
         slopes.append(slope(found, at))
         if gaps is not None:
-            rates.append(gaps.rates(stage, at, found))
-    end = time + size
-    new_position = placed(method.weights, end)
-    new_velocity = evaluate(new_position, end)
+            rates.append(gaps.rates(held, stage, at, found))
+        return stage, found
+
+    for node, row in zip(method.nodes[1:], method.rows[1:], strict=True):
+        evaluated(row, time + node * size)
+    new_position, new_velocity = evaluated(method.weights, time + size)
     kept = None
     if gaps is not None:
-        change = size * _combine(method.weights, rates)
-        kept = GapHistory(gaps, change, rates[0], gaps.rates(new_position, end, new_velocity))
+        kept = GapHistory(gaps, size * _combine(method.weights, rates[:-1]), rates[0], rates[-1])
     if method.error is None:
         return Step(new_position, new_velocity, None, kept)
-    slopes.append(slope(new_velocity, end))
     error = size * _combine(method.error, slopes)
-    return Step(new_position, new_velocity, float(np.sqrt(np.mean(np.einsum("ij,ij->i", error, error)))), kept)
+    gap_error = 0.0 if gaps is None else float(np.sqrt(np.mean((size * _combine(method.error, rates)) ** 2)))
+    rms = float(np.sqrt(np.mean(np.einsum("ij,ij->i", error, error))))
+    return Step(new_position, new_velocity, rms, kept, gap_error)
 
 
 def _combine(weights, slopes) -> np.ndarray:
     return sum(w * s for w, s in zip(weights, slopes, strict=True) if w != 0.0)
 
 
-def interpolate(strain, start, end, fraction: float, kept: GapHistory | None = None) -> np.ndarray:
+def interpolate(strain, start, end, fraction: float, kept: GapHistory | None = None):
     """Positions within a step by cubic Hermite interpolation along the affine flow (third order in all).
 
     start, end : (time, position, velocity); fraction in [0, 1] of the step; kept : the step's gaps, interpolated
-    in their logarithms.
+    in their logarithms. Returns the positions, and the held gaps there (None without `kept`).
     """
     t0, x0, u0 = start
     t1, x1, u1 = end
@@ -158,9 +159,11 @@ def interpolate(strain, start, end, fraction: float, kept: GapHistory | None = N
     h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
     moving = h00 * x0 + h01 * x1 + size * (h10 * u0[:, :3] + h11 * u1)
     position = moved(moving, strain(t0 + s * size) - base)
+    held = None
     if kept is not None:
-        kept.gaps.hold(position, t0 + s * size, h01 * kept.change + size * (h10 * kept.first + h11 * kept.last))
-    return position
+        held = kept.gaps.held(h01 * kept.change + size * (h10 * kept.first + h11 * kept.last))
+        kept.gaps.hold(position, t0 + s * size, held)
+    return position, held
 
 
 @dataclass

@@ -8,18 +8,20 @@ step size the accuracy allows; it is decided anew at every step. The cycle's end
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from suspend.box import flip, flips_of
 from suspend.core.cell import wrap_and_count
+from suspend.core.pairs import HeldPairs
 from suspend.dynamics import PRESSED, PRESSED_GAP, Overlap, Suspension
 from suspend.errors import NumericalError
 from suspend.flow import Flow
-from suspend.gaps import CloseGaps
+from suspend.gaps import CloseGaps, TouchingPairs
 from suspend.integrators import Controller, Method, Step, interpolate, take_step
 
+GAP_SHARE = 0.03  # an error of ln h of touching pairs counts as this many radii
 SHORTEST_WAY = 1e-9  # radii: the way a sphere goes in the smallest step advised where forces are large
 
 
@@ -35,6 +37,7 @@ class State:
     flips: int
     size: float  # next step
     offset: float = 0.0  # tilt minus strain at the start: the starting cell may be sheared, the phase not 0
+    touching: TouchingPairs = field(default_factory=TouchingPairs)
 
 
 @dataclass(frozen=True)
@@ -65,11 +68,11 @@ class Motion:
         """Tilt of the cell that the state's positions and images refer to."""
         return self.strain(state, time) + state.offset - state.flips
 
-    def evaluate(self, state: State, position: np.ndarray, time: float) -> np.ndarray:
-        """Velocities (N, 6) at trial positions, in the frame of the state."""
+    def evaluate(self, state: State, position: np.ndarray, time: float, held: HeldPairs | None = None) -> np.ndarray:
+        """Velocities (N, 6) at trial positions and gaps of touching pairs, in the frame of the state."""
         strain = self.strain(state, time)
         rate, elapsed = self.flow.rate(state.cycle, time), self.flow.elapsed(state.cycle, time)
-        return self.suspension.evaluate(position, strain, self.tilt(state, time), rate, elapsed)
+        return self.suspension.evaluate(position, strain, self.tilt(state, time), rate, elapsed, held)
 
     def begin_cycle(self, state: State) -> None:
         """Bring spheres and tilt back into the cell, renew the neighbour list, evaluate the velocities."""
@@ -78,13 +81,18 @@ class Motion:
         strain = self.strain(state, state.time)
         flips = flips_of(strain + state.offset)
         flip(state.image, flips - state.flips)
+        state.touching.flip(flips - state.flips)
         state.flips = flips
         tilt = self.tilt(state, state.time)
+        before = state.image.copy()
         wrap_and_count(state.position, state.image, self.suspension.scene.edge, tilt)
+        state.touching.wrap(state.image - before)
         if self.suspension.list is not None:
             self.suspension.renew(state.position, strain, tilt)
         self.position_error = 0.0
-        state.velocity = self.evaluate(state, state.position, state.time)
+        gaps = self._close_gaps(state)
+        state.touching = TouchingPairs() if gaps is None else gaps.after(0.0)
+        state.velocity = self.evaluate(state, state.position, state.time, state.touching.held())
 
     def _forget_if_rate_jumps(self, state: State) -> None:
         before = self.flow.rate(state.cycle - 1, self.flow.period(state.cycle - 1))
@@ -142,7 +150,7 @@ class Motion:
         try:
             step = take_step(
                 self.method,
-                lambda position, time: self.evaluate(state, position, time),
+                lambda position, time, held: self.evaluate(state, position, time, held),
                 lambda time: self.strain(state, time),
                 state.position,
                 state.velocity,
@@ -156,8 +164,9 @@ class Motion:
             return None, 0.5 * size
         if step.error is None or self.settings.fixed is not None:
             return step, size
-        accepted = step.error <= self.settings.tolerance * size
-        proposal = size * self.controller.factor(step.error / size, accepted)
+        error = max(step.error, GAP_SHARE * step.gap_error)
+        accepted = error <= self.settings.tolerance * size
+        proposal = size * self.controller.factor(error / size, accepted)
         if accepted:  # a step cut short says little about much longer ones
             state.size = min(proposal, 2.0 * state.size)
             return step, size
@@ -171,9 +180,9 @@ class Motion:
         if near is None or near.table.frozen > 0.0:
             return None
         gaps = CloseGaps(
-            self.suspension.list.pairs,
+            self.suspension.list,
+            state.touching,
             state.position,
-            self.suspension.scene.edge,
             state.time,
             lambda time: self.tilt(state, time),
             lambda time: self.flow.rate(state.cycle, time),
@@ -188,9 +197,10 @@ class Motion:
             time = events.pop(0)
             fraction = (time - start[0]) / (end - start[0])
             last = (end, step.position, step.velocity)
-            position = interpolate(lambda t: self.strain(state, t), start, last, fraction, step.gaps)
-            visit(time, position, self.evaluate(state, position, time))
+            position, held = interpolate(lambda t: self.strain(state, t), start, last, fraction, step.gaps)
+            visit(time, position, self.evaluate(state, position, time, held))
         state.position, state.velocity, state.time = step.position, step.velocity, end
+        state.touching = TouchingPairs() if step.gaps is None else step.gaps.gaps.after(step.gaps.change)
         self.suspension.counters.steps += 1
         self.position_error += step.error or 0.0
         if events and events[0] <= end + 1e-12 * max(1.0, end):

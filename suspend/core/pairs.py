@@ -27,6 +27,11 @@ COMBINED = ("XA+-YA+", "YA+", "XA--YA-", "YA-", "YB+", "YB-", "XC+-YC+", "YC+", 
             "XG-", "YG-", "YH+", "XM+", "YM+", "ZM+")  # fmt: skip
 WIDTH = 16  # functions of a pair
 STRIDE = 3 + WIDTH  # e, then the functions
+# Smallest gap (radii) that 1/h is taken at. A pair pressed closer is as good as in contact: its normal force is off by
+# this share, and smaller still 1/h times the round-off of the velocities would be the larger error.
+STIFFEST = 1e-9
+LOG_STIFFEST = math.log(STIFFEST)
+TINY = 5e-324  # the smallest number above zero: a gap is never closed
 
 
 class PairTable(NamedTuple):
@@ -46,20 +51,17 @@ class PairTable(NamedTuple):
 
 
 @scalar
-def evaluate_combined(table, gap, value):
-    """The 16 combined functions at `gap` (radii) into `value[0:16]`, held below `table.frozen`.
+def evaluate_combined(table, t, inverse, value):
+    """The 16 combined functions at the gap (radii) with logarithm `t` and reciprocal `inverse` into `value[0:16]`.
 
     Below the table the polynomial part keeps its end value: there it has reached its limit at contact.
     """
     coefficients, singular = table.coefficients, table.singular
-    gap = max(gap, table.frozen)
-    t = math.log(gap)
     x = (t - table.t0) * table.inv_dt
     if x < 0.0:
         x = 0.0
     k = min(int(x), coefficients.shape[0] - 1)
     u = x - k
-    inverse = 1.0 / gap
     for f in range(WIDTH):
         smooth = coefficients[k, 5, f] * u + coefficients[k, 4, f]
         smooth = smooth * u + coefficients[k, 3, f]
@@ -96,6 +98,31 @@ class PlacedPairs(NamedTuple):
     tilt: float
 
 
+class HeldPairs(NamedTuple):
+    """Pairs whose gaps are a state of their own (`suspend.gaps`), as rows of a neighbour list and ln h."""
+
+    rows: np.ndarray  # (K, 5) int32
+    log_gap: np.ndarray  # (K,)
+
+
+@kernel
+def place_held(pairs, offset, held):
+    """ln h by row of the neighbour list, NaN for rows that are not held; the rows may name a pair either way round."""
+    log_gap = np.full(pairs.shape[0], np.nan)
+    rows = held.rows
+    for k in range(rows.shape[0]):
+        i, j, sign = rows[k, 0], rows[k, 1], 1
+        if j < i:
+            i, j, sign = j, i, -1
+        for p in range(offset[i], offset[i + 1]):
+            same = pairs[p, 1] == j
+            for c in range(2, 5):
+                same = same and pairs[p, c] == sign * rows[k, c]
+            if same:
+                log_gap[p] = held.log_gap[k]
+    return log_gap
+
+
 @scalar
 def separation(pairs, p, position, edge, tilt):
     """Vector from sphere i to the image of sphere j that row p of a neighbour list names (three floats)."""
@@ -108,11 +135,12 @@ def separation(pairs, p, position, edge, tilt):
 
 
 @kernel
-def assemble_rows(first, last, placed, table, active, scalars):
+def assemble_rows(first, last, placed, log_gap, table, active, scalars):
     """Scalars of the pairs of spheres first:last that are closer than the cutoff, packed sphere by sphere.
 
-    active.row[i] = (begin, end) of sphere i's packed pairs, active.other[p] = the other sphere of pair p.
-    Returns the smallest gap (inf without a pair). A gap <= 0 with unfrozen functions ends the loop at once.
+    log_gap : ln h of held pairs by row of the list (`place_held`), or (0,) where none is held. active.row[i] = (begin,
+    end) of sphere i's packed pairs, active.other[p] = the other sphere of pair p. Returns the smallest gap (inf without
+    a pair). A gap <= 0 with unfrozen functions ends the loop at once.
     """
     pairs, offset, position, edge, tilt = placed
     smallest = np.inf
@@ -126,20 +154,29 @@ def assemble_rows(first, last, placed, table, active, scalars):
             if r2 >= table.cutoff * table.cutoff:
                 continue
             r = math.sqrt(r2)
-            smallest = min(smallest, r - 2.0)
-            if r <= 2.0 and table.frozen <= 0.0:
-                return r - 2.0
+            gap = r - 2.0
+            if log_gap.shape[0] > 0 and log_gap[p] == log_gap[p]:
+                t = log_gap[p]
+                smallest = min(smallest, max(math.exp(t), TINY))
+                gap = math.exp(max(t, LOG_STIFFEST))
+                inverse = 1.0 / gap
+            else:
+                smallest = min(smallest, gap)
+                if gap <= 0.0 and table.frozen <= 0.0:
+                    return gap
+                t = math.log(max(gap, table.frozen))
+                inverse = 1.0 / max(gap, table.frozen)
             value = scalars[q]
             value[0] = dx / r
             value[1] = dy / r
             value[2] = dz / r
-            evaluate_combined(table, r - 2.0, value[3:])
+            evaluate_combined(table, t, inverse, value[3:])
             if r > table.taper_start:
                 factor = taper(r, table.taper_start, table.cutoff)
                 for f in range(3, STRIDE):
                     value[f] *= factor
             active.other[q] = j
-            active.gap[q] = r - 2.0
+            active.gap[q] = gap
             q += 1
         active.row[i, 1] = q
     return smallest

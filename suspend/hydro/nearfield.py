@@ -10,6 +10,7 @@ is subtracted here; beside R_self alone, the paper's model, it is not. Internal 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -20,10 +21,12 @@ from suspend.core.pairs import (
     STRIDE,
     WIDTH,
     ActivePairs,
+    HeldPairs,
     PairTable,
     PlacedPairs,
     assemble_rows,
     evaluate_combined,
+    place_held,
     strain_loads_rows,
     stresslet_of_each,
     stresslet_rows,
@@ -33,6 +36,7 @@ from suspend.hydro.rows import split_rows
 from suspend.hydro.table import largest_gap, load_table
 from suspend.solvers.conjugate_gradient import Goal, conjugate_gradient
 from suspend.solvers.incomplete import factorise
+from suspend.solvers.stiff_clusters import factorise_clusters
 
 _NAMES = ("XA", "YA", "YB", "XC", "YC", "XG", "YG", "YH", "XM", "YM", "ZM")
 
@@ -83,7 +87,8 @@ def pair_table(
     packed = PairTable(table.t0, table.inv_dt, coefficients, singular, cutoff, start, frozen)
     if at_cutoff != "hard":
         value = np.empty(WIDTH)
-        evaluate_combined(packed, cutoff - 2.0, value)
+        gap = max(cutoff - 2.0, frozen)
+        evaluate_combined(packed, math.log(gap), 1.0 / gap, value)
         coefficients[:, 0, :] -= value
     return packed
 
@@ -98,10 +103,10 @@ class Solution:
 
 
 @parallel_kernel
-def _assemble(chunks, placed, table, active, scalars):
+def _assemble(chunks, placed, log_gap, table, active, scalars):
     smallest = np.full(chunks.shape[0] - 1, np.inf)
     for t in numba.prange(chunks.shape[0] - 1):
-        smallest[t] = assemble_rows(chunks[t], chunks[t + 1], placed, table, active, scalars)
+        smallest[t] = assemble_rows(chunks[t], chunks[t + 1], placed, log_gap, table, active, scalars)
     return smallest.min()
 
 
@@ -147,10 +152,14 @@ class NearField:
         )
         self.scalars = np.empty((len(pairs), STRIDE))
 
-    def assemble(self, position: np.ndarray, edge: float, tilt: float) -> float:
-        """Scalars of all pairs at these positions; returns the smallest gap (inf without pairs)."""
+    def assemble(self, position: np.ndarray, edge: float, tilt: float, held: HeldPairs | None = None) -> float:
+        """Scalars of all pairs at these positions; returns the smallest gap (inf without pairs).
+
+        held : pairs whose gaps are given by their logarithms, whatever the positions say (`suspend.gaps`).
+        """
         placed = PlacedPairs(self.pairs, self.offset, position, edge, tilt)
-        return _assemble(self.chunks, placed, self.table, self.active, self.scalars)
+        self.log_gap = np.empty(0) if held is None else place_held(self.pairs, self.offset, held)
+        return _assemble(self.chunks, placed, self.log_gap, self.table, self.active, self.scalars)
 
     def strain_loads(self, strain_rate: np.ndarray) -> np.ndarray:
         """R_FE : E, shape (N, 6)."""
@@ -159,15 +168,16 @@ class NearField:
         return load
 
     def precondition(self, below: float) -> None:
-        """New incomplete factorisation from the present scalars, pairs with gap < `below`."""
+        """New factorisations from the present scalars: incomplete of pairs with gap < `below`, exact of clusters."""
         self.factor = factorise(self.active, self.scalars, below, self.chunks, *self.drags)
+        self.clusters = factorise_clusters(self.active, self.scalars, self.drags, len(self.chunks) - 1)
 
     def solve(self, load, start, tolerance: float, floor2: float, limit: int) -> Solution:
         """Velocities (N, 6) for `load` (N, 6), started from `start`; raises NumericalError at the limit."""
         velocity = start.copy()
         goal = Goal(tolerance, floor2, limit)
         iterations, error = conjugate_gradient(
-            self.chunks, self.active, self.scalars, self.drags, self.factor, load, velocity, goal
+            self.chunks, self.active, self.scalars, self.factor, self.clusters, load, velocity, goal
         )
         if not error <= tolerance:
             raise NumericalError(
@@ -182,11 +192,14 @@ class NearField:
         return _stresslet(self.chunks, self.active, self.scalars, velocity, strain_rate).sum(axis=0)
 
     def stresslet_of_each(self, odd: PairTable, position, edge, tilt, velocity, strain_rate) -> np.ndarray:
-        """The same for every sphere, (N, 6); `odd` is `pair_table(..., odd=True)` of the same cutoff."""
+        """The same for every sphere, (N, 6), at the positions of the last `assemble`.
+
+        odd : `pair_table(..., odd=True)` of the same cutoff.
+        """
         difference = np.empty_like(self.scalars)
         active = ActivePairs(*(np.empty_like(array) for array in self.active))
         placed = PlacedPairs(self.pairs, self.offset, position, edge, tilt)
-        _assemble(self.chunks, placed, odd, active, difference)
+        _assemble(self.chunks, placed, self.log_gap, odd, active, difference)
         each = np.zeros((len(position), 6))
         stresslet_of_each(self.active, self.scalars, difference, velocity, strain_rate, each)
         return each

@@ -6,8 +6,10 @@ from dataclasses import asdict
 
 import numpy as np
 
+from suspend.core.pairs import HeldPairs
 from suspend.dynamics import Counters, History
 from suspend.flow import block_length
+from suspend.gaps import TouchingPairs
 from suspend.missing import has_value, known
 from suspend.motion import State
 
@@ -42,7 +44,9 @@ def dump(simulation) -> tuple[dict, dict | None]:
 def load(simulation, content: dict, partial: dict | None) -> None:
     """Continue a `Simulation` made from the same configuration from what `dump` returned."""
     suspension, motion = simulation.suspension, simulation.motion
-    simulation.state, simulation.events = State(**content["motion"]), []
+    motion_state = content["motion"]
+    touching = {"touching": TouchingPairs(**motion_state["touching"])} if "touching" in motion_state else {}
+    simulation.state, simulation.events = State(**motion_state | touching), []
     motion.controller.previous = content["controller"]
     motion.evaluations_before = content["evaluations_before"]
     _load_history(suspension.history, content["history"])
@@ -53,8 +57,10 @@ def load(simulation, content: dict, partial: dict | None) -> None:
         point = content["list"]
         suspension.renew(point["reference"], point["strain"], point["tilt"])
     if content["factor"] is not None:
-        position, tilt = content["factor"]["position"], content["factor"]["tilt"]
-        suspension.near.assemble(position, suspension.scene.edge, tilt)
+        point = content["factor"]
+        position, tilt = point["position"], point["tilt"]
+        suspension.held = HeldPairs(point["rows"], point["log_gap"]) if len(point.get("rows", ())) else None
+        suspension.near.assemble(position, suspension.scene.edge, tilt, suspension.held)
         suspension.factor(position, tilt)
         suspension.factor_age = content["factor_age"]
     motion.position_error = content["position_error"]
@@ -71,7 +77,11 @@ def _list_point(verlet) -> dict:
 
 
 def _factor_point(point) -> dict | None:
-    return None if point is None else {"position": point[0], "tilt": point[1]}
+    if point is None:
+        return None
+    position, tilt, held = point
+    held = TouchingPairs() if held is None else held
+    return {"position": position, "tilt": tilt, "rows": held.rows, "log_gap": held.log_gap}
 
 
 def _dump_history(history: History) -> dict:

@@ -17,14 +17,21 @@ import numpy as np
 from suspend.core.jit import kernel, parallel_kernel
 from suspend.core.pairs import apply_rows
 from suspend.solvers.incomplete import apply_factor
+from suspend.solvers.stiff_clusters import add_clusters
 
 DELAY = 2  # iterations over which the decrease of the error is summed
+# Error of the pairs' normal forces, relative to the drag on the spheres, per error of the velocities: a stress that is
+# stored is to be as accurate as the positions, which need velocities a hundred times better.
+FORCE_SHARE = 100.0
+LEAST_FORCE_ERROR = 1e-6  # round-off of the velocities times the largest stiffness (`suspend.core.pairs.STIFFEST`)
 
 
 class Goal(NamedTuple):
     """When to stop: at the relative error `tolerance`, or after `limit` iterations.
 
-    The error is that of the velocity in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)).
+    The error is that of the velocity in the energy norm, relative to sqrt(max(velocity.R_self.velocity, floor2)). A
+    share of that error, however small, is a large force on a pair at a small gap: the normal forces of the pairs are to
+    be right within FORCE_SHARE * tolerance of the same norm, too.
     """
 
     tolerance: float
@@ -82,6 +89,21 @@ def _drag_norm2(velocity, drag, rotational_drag):
 
 
 @kernel
+def _normal_forces2(active, scalars, velocity):
+    """Sum over the pairs of the squared force along their line of centres that these velocities make."""
+    s = 0.0
+    for i in range(active.row.shape[0]):
+        for p in range(active.row[i, 0], active.row[i, 1]):
+            j = active.other[p]
+            speed = 0.0
+            for c in range(3):
+                speed += scalars[p, c] * (velocity[i, c] - velocity[j, c])
+            force = (scalars[p, 5] + scalars[p, 6]) * speed
+            s += force * force
+    return s
+
+
+@kernel
 def _step(alpha, direction, product, velocity, residual):
     for i in range(velocity.shape[0]):
         for c in range(6):
@@ -97,15 +119,18 @@ def _turn(beta, preconditioned, direction):
 
 
 @parallel_kernel
-def conjugate_gradient(chunks, active, scalars, drags, factor, load, velocity, goal):
+def conjugate_gradient(chunks, active, scalars, factor, clusters, load, velocity, goal):
     """Solve (R_self + R_nf) velocity = load, starting from and overwriting `velocity` (N, 6).
 
-    chunks : (T + 1,) int64, spheres of each thread; active, scalars : R_nf (`suspend.core.pairs`); drags : of
-    R_self, (drag, rotational drag); factor : `suspend.solvers.incomplete.Factor`; goal : `Goal`. Returns
-    (iterations, estimated relative error); the estimate exceeds the tolerance if the limit was reached.
+    chunks : (T + 1,) int64, spheres of each thread; active, scalars : R_nf (`suspend.core.pairs`); factor :
+    `suspend.solvers.incomplete.Factor`, whose drags are those of R_self; clusters :
+    `suspend.solvers.stiff_clusters.Clusters`; goal : `Goal`. Returns (iterations, estimated relative error); the
+    estimate exceeds the tolerance if the limit was reached.
     """
+    work = np.empty((2, clusters.order.shape[0], 6))
     tolerance, floor2, limit = goal
-    drag, rotational_drag = drags
+    share2 = max(FORCE_SHARE, LEAST_FORCE_ERROR / tolerance) ** 2
+    drag, rotational_drag = factor.drags[0], factor.drags[1]
     number, threads = load.shape[0], chunks.shape[0] - 1
     domains = factor.bounds.shape[0] - 1
     partial = np.empty((threads, number, 6))
@@ -129,6 +154,7 @@ def conjugate_gradient(chunks, active, scalars, drags, factor, load, velocity, g
         else:
             for d in numba.prange(domains):
                 apply_factor(factor.bounds[d], factor.bounds[d + 1], factor, residual, preconditioned)
+        add_clusters(clusters, residual, preconditioned, work)
         gain = _dot(residual, preconditioned)
         target2 = tolerance * tolerance * max(_drag_norm2(velocity, drag, rotational_drag), floor2)
         if gain == 0.0:
@@ -136,7 +162,10 @@ def conjugate_gradient(chunks, active, scalars, drags, factor, load, velocity, g
         if iteration >= DELAY:
             error2 = _total(decrease)
             if error2 <= target2:
-                break
+                # M^-1 r is about the error that is left.
+                error2 = max(error2, _normal_forces2(active, scalars, preconditioned) / share2)
+                if error2 <= target2:
+                    break
         if iteration >= limit or not gain > 0.0:
             break
         _turn(gain / previous if iteration > 0 else 0.0, preconditioned, direction)

@@ -24,6 +24,7 @@ from suspend.core.pairs import apply_rows
 from suspend.errors import NumericalError
 from suspend.solvers.gmres import WIDTH, Gmres, norm_of
 from suspend.solvers.incomplete import apply_factor
+from suspend.solvers.stiff_clusters import add_clusters
 
 INNER_TOLERANCE = 0.05  # of the inner iteration: about the accuracy of the coarse mobility
 INNER_LIMIT = 40
@@ -222,8 +223,39 @@ class CoupledSolver:
             out[:, :6] = vector[:, :6]
             out[:, 6:] = vector[:, 6:] / self.stresslet_scale
         else:
-            _precondition(self.near.factor, self.near.drags, self.stresslet_scale, vector, out)
+            clusters = self.near.clusters
+            if not len(clusters.order):
+                self._factor_inverse(vector, out)
+            else:
+                self._with_clusters(clusters, vector, out)
         return out
+
+    def _factor_inverse(self, vector, out) -> None:
+        _precondition(self.near.factor, self.near.drags, self.stresslet_scale, vector, out)
+
+    def _with_clusters(self, clusters, vector, out) -> None:
+        """The factorisation's inverse between two exact solves of the clusters (multiplicative Schwarz).
+
+        A product with R_nf costs little here, and next to the mobility's identity the sum of both inverses, which
+        counts some motions twice, would cost iterations.
+        """
+        drags = np.repeat(self.near.drags, 3)
+        work = np.empty((2, len(clusters.order), 6))
+        load = drags * vector[:, :6]
+        found = np.zeros((len(vector), WIDTH))
+        velocity = np.zeros((len(vector), 6))
+        for clustered in (True, False, True):
+            found[:, :6] = velocity
+            residual = self._loads(found, load)[:, :6] - drags * velocity
+            if clustered:
+                residual = np.ascontiguousarray(residual)
+                add_clusters(clusters, residual, velocity, work)
+            else:
+                found[:, :6] = residual / drags
+                self._factor_inverse(found, out)
+                velocity += out[:, :6]
+        out[:, :6] = velocity
+        out[:, 6:] = vector[:, 6:] / self.stresslet_scale
 
     def _solve_coarsely(self, vector) -> np.ndarray:
         norm = norm_of(vector)

@@ -31,6 +31,7 @@ class Factor(NamedTuple):
     lower: np.ndarray  # (B, 6, 6)
     inverse: np.ndarray  # (N, 6, 6)
     broken: np.ndarray  # (domains,) int64
+    drags: np.ndarray  # (2,) drag and rotational drag of R_self
 
 
 @scalar
@@ -190,7 +191,7 @@ def factorise(active, scalars, below, bounds, drag, rotational_drag):
     broken = np.zeros(bounds.shape[0] - 1, np.int64)
     for d in numba.prange(bounds.shape[0] - 1):
         broken[d] = factorise_rows(bounds[d], bounds[d + 1], start, column, lower, diagonal, inverse)
-    return Factor(bounds, start, column, lower, inverse, broken)
+    return Factor(bounds, start, column, lower, inverse, broken, np.array([drag, rotational_drag]))
 
 
 @kernel
