@@ -101,8 +101,9 @@ def moved(position: np.ndarray, strain_increment: float) -> np.ndarray:
 def take_step(method: Method, evaluate, strain, position, velocity, time: float, size: float, gaps=None) -> Step:
     """One trial step of `size` from `time`.
 
-    evaluate(position, time, held) -> (N, 6) velocities relative to the undisturbed flow; strain(time) -> gamma;
-    position (N, 3) and velocity (N, 6) at `time`. gaps : `suspend.gaps.CloseGaps` of these positions, or None.
+    evaluate(position, time) -> (N, 6) velocities relative to the undisturbed flow, called with a third argument, the
+    gaps of the pairs held, where there are `gaps`; strain(time) -> gamma; position (N, 3) and velocity (N, 6) at
+    `time`. gaps : `suspend.gaps.CloseGaps` of these positions, or None.
     Exceptions of `evaluate` pass through and change nothing here.
     """
     base = strain(time)
@@ -120,7 +121,7 @@ def take_step(method: Method, evaluate, strain, position, velocity, time: float,
         if gaps is not None:
             held = gaps.held(size * _combine(weights, rates))
             gaps.hold(stage, at, held)
-        found = evaluate(stage, at, held)
+        found = evaluate(stage, at) if held is None else evaluate(stage, at, held)
         slopes.append(slope(found, at))
         if gaps is not None:
             rates.append(gaps.rates(held, stage, at, found))

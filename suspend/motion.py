@@ -18,7 +18,7 @@ from suspend.core.pairs import HeldPairs
 from suspend.dynamics import PRESSED, PRESSED_GAP, Overlap, Suspension
 from suspend.errors import NumericalError
 from suspend.flow import Flow
-from suspend.gaps import CloseGaps, TouchingPairs
+from suspend.gaps import CLOSE, CloseGaps, TouchingPairs
 from suspend.integrators import Controller, Method, Step, interpolate, take_step
 
 GAP_SHARE = 0.03  # an error of ln h of touching pairs counts as this many radii
@@ -150,7 +150,7 @@ class Motion:
         try:
             step = take_step(
                 self.method,
-                lambda position, time, held: self.evaluate(state, position, time, held),
+                lambda position, time, held=None: self.evaluate(state, position, time, held),
                 lambda time: self.strain(state, time),
                 state.position,
                 state.velocity,
@@ -221,10 +221,20 @@ class Motion:
         return (
             f"{why}: step {size:.3g} at cycle {state.cycle}, total strain "
             f"{self.flow.accumulated(state.cycle, state.time):.6g}; "
-            f"smallest gap {counters.minimum_gap:.3g} a, {counters.rejected_overlap} overlaps "
+            f"smallest gap {counters.minimum_gap:.3g} a{self._closest(state)}, {counters.rejected_overlap} overlaps "
             f"and {counters.rejected_error} error rejections in this cycle. "
             f"{advice}"
         )
+
+    @staticmethod
+    def _closest(state: State) -> str:
+        """The touching pair at the smallest gap, and how many there are."""
+        touching = state.touching
+        if not len(touching.rows):
+            return ""
+        k = int(np.argmin(touching.log_gap))
+        i, j = touching.rows[k, :2]
+        return f" (now spheres {i} and {j}, ln h = {touching.log_gap[k]:.1f}; {len(touching.rows)} pairs below {CLOSE:g} a)"
 
     def _advice(self, state: State) -> str:
         """What helps where no step is small enough."""

@@ -13,6 +13,7 @@ from suspend.hydro.neighbours import VerletList
 from suspend.packing import random_packing
 from suspend.solvers.conjugate_gradient import DELAY, Goal, conjugate_gradient
 from suspend.solvers.incomplete import apply_factor
+from suspend.solvers.stiff_clusters import STIFF, no_clusters
 
 DRAGS = (1.0, ROTATIONAL_DRAG)
 SHEAR = np.array([[0, 0.5, 0], [0.5, 0, 0], [0, 0, 0]])
@@ -228,7 +229,7 @@ def test_factor_of_a_tree_is_exact(shape):
     load = np.random.default_rng(1).normal(size=(len(position), 6))
     velocity = np.zeros_like(load)
     goal = Goal(1e-10, 0.0, 2)
-    conjugate_gradient(near.chunks, near.active, near.scalars, DRAGS, near.factor, load, velocity, goal)
+    conjugate_gradient(near.chunks, near.active, near.scalars, near.factor, no_clusters(), load, velocity, goal)
     assert energy_error(matrix, velocity, exact(matrix, load)) <= 1e-9
 
 
@@ -267,3 +268,62 @@ def test_block_jacobi_also_converges():
     assert len(plain.factor.column) == 0
     a, b = (n.solve(load, start, 1e-10, 0.0, 2000) for n in (near, plain))
     assert energy_error(dense(near), a.velocity, b.velocity) <= 1e-8 and a.iterations < b.iterations
+
+
+def ring_of_rings():
+    """Twelve spheres in contact around a middle one in a plane, each ring closed: hexagonal, all gaps equal."""
+    near = [np.array([np.cos(t), np.sin(t), 0.0]) for t in np.arange(6) * np.pi / 3]
+    far = [a + b for a, b in zip(near, near[1:] + near[:1], strict=True)]
+    return np.array([np.zeros(3), *near, *far])
+
+
+@pytest.mark.parametrize("gap", [1e-5, 1e-8])
+def test_clusters_with_rings(gap):
+    """Nineteen stiff pairs that close rings, among loose spheres: few iterations, and right forces, not only velocities.
+
+    The spheres of a hexagon at 2 + gap (to second order in nothing: all pairs have the same gap) under random loads, so
+    that the normal forces k/h v_n are of order one with v_n of order h. Reference: dense solution with residuals in
+    extended precision. Forces to FORCE_SHARE * tolerance of the drag norm. Without the exact clusters the dropped fill
+    has the stiffness 1/h, and the iterations grow with the number of rings.
+    """
+    cluster = ring_of_rings() * (2.0 + gap) + 30.0
+    rng = np.random.default_rng(3)
+    loose = 60.0 * rng.random((20, 3)) * [1.0, 1.0, 0.3]
+    position = np.vstack([cluster, loose[np.linalg.norm(loose[:, None] - cluster, axis=2).min(axis=1) > 2.2]])
+    near = near_field(rng.permutation(position), 60.0)
+    load = rng.normal(size=(len(position), 6))
+    solution = near.solve(load, np.zeros_like(load), 1e-6, 0.0, 200)
+    assert len(near.clusters.order) == 13 and solution.iterations <= 40
+    truth = exact(dense(near), load)
+    scale = np.sqrt(np.sum(own_drag(len(position)) * truth.reshape(-1) ** 2))
+    assert energy_error(dense(near), solution.velocity, truth) <= 3e-6
+    error = np.zeros_like(load)
+    apply_rows(0, len(load), near.active, near.scalars, solution.velocity - truth, error)
+    assert np.abs(error).max() <= 1e-4 * scale
+
+
+def test_no_clusters_where_nothing_is_stiff():
+    """Pairs wider than STIFF, or stiff pairs that share no sphere: nothing beside the incomplete factorisation."""
+    apart = np.array([[5.0, 5, 5], [7.0 + 0.1 * STIFF, 5, 5], [5, 15, 5], [5, 17 + 0.1 * STIFF, 5], [15, 5, 5]])
+    assert len(near_field(apart, 40.0).clusters.order) == 0
+    position, edge = packing(60, 0.5, 3)
+    assert near_field(position, edge).smallest > STIFF or len(near_field(position, edge).clusters.order) > 0
+    assert len(near_field(apart, 40.0, threads=2).clusters.order) == 4  # two domains may cut a pair
+
+
+def test_forces_of_a_pressed_pair_are_right_from_a_poor_start():
+    """The energy of a start that is off by 1e-6 is small; the force of a pair at 1e-9 a is then off by hundreds.
+
+    Two spheres pressed together by unit forces: the lubrication force between them is 1, less what their own drag
+    carries (nothing: they do not move). To FORCE_SHARE * 1e-5 of the drag norm, here of the floor.
+    """
+    position = np.array([[5.0, 5, 5], [7.0 + 1e-9, 5, 5]])
+    near = near_field(position, 40.0)
+    load = np.zeros((2, 6))
+    load[0, 0], load[1, 0] = 1.0, -1.0
+    start = np.zeros((2, 6))
+    start[0, 0] = 1e-6
+    velocity = near.solve(load, start, 1e-5, 2e-4, 100).velocity
+    force = np.zeros((2, 6))
+    apply_rows(0, 2, near.active, near.scalars, velocity, force)
+    assert force[0, 0] == pytest.approx(1.0, abs=2e-5) and force[1, 0] == pytest.approx(-1.0, abs=2e-5)
