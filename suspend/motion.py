@@ -234,7 +234,8 @@ class Motion:
             return ""
         k = int(np.argmin(touching.log_gap))
         i, j = touching.rows[k, :2]
-        return f" (now spheres {i} and {j}, ln h = {touching.log_gap[k]:.1f}; {len(touching.rows)} pairs below {CLOSE:g} a)"
+        pairs = f"{len(touching.rows)} pairs below {CLOSE:g} a"
+        return f" (now spheres {i} and {j}, ln h = {touching.log_gap[k]:.1f}; {pairs})"
 
     def _advice(self, state: State) -> str:
         """What helps where no step is small enough."""

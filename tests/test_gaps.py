@@ -237,7 +237,7 @@ def test_pressed_spheres_come_apart_again(far):
 
 
 def test_touching_pairs_continue_bit_for_bit():
-    """A run stopped while gaps are below what positions hold goes on as if it had not been: ln h is in the checkpoint."""
+    """A run stopped while gaps are below what positions hold goes on as if it had not been: ln h is in the state."""
     whole, stopped = crowd(), crowd()
     for simulation in (whole, stopped):
         simulation.begin_cycle()

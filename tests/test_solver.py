@@ -271,7 +271,7 @@ def test_block_jacobi_also_converges():
 
 
 def ring_of_rings():
-    """Twelve spheres in contact around a middle one in a plane, each ring closed: hexagonal, all gaps equal."""
+    """Twelve spheres around a middle one in a plane, a hexagonal lattice of unit distance: every ring is closed."""
     near = [np.array([np.cos(t), np.sin(t), 0.0]) for t in np.arange(6) * np.pi / 3]
     far = [a + b for a, b in zip(near, near[1:] + near[:1], strict=True)]
     return np.array([np.zeros(3), *near, *far])
@@ -279,10 +279,10 @@ def ring_of_rings():
 
 @pytest.mark.parametrize("gap", [1e-5, 1e-8])
 def test_clusters_with_rings(gap):
-    """Nineteen stiff pairs that close rings, among loose spheres: few iterations, and right forces, not only velocities.
+    """24 stiff pairs that close rings, among loose spheres: few iterations, and right forces, not only velocities.
 
-    The spheres of a hexagon at 2 + gap (to second order in nothing: all pairs have the same gap) under random loads, so
-    that the normal forces k/h v_n are of order one with v_n of order h. Reference: dense solution with residuals in
+    Thirteen spheres of a hexagonal lattice, all pairs at the same gap, under random loads, so that the normal forces
+    k/h v_n are of order one with v_n of order h. Reference: dense solution with residuals in
     extended precision. Forces to FORCE_SHARE * tolerance of the drag norm. Without the exact clusters the dropped fill
     has the stiffness 1/h, and the iterations grow with the number of rings.
     """
