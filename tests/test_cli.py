@@ -1,5 +1,6 @@
 """The command line: exit codes, stdout and stderr, options, progress. The simulation is made up here."""
 
+import contextlib
 import io
 import json
 import os
@@ -7,12 +8,12 @@ import pty
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import pytest
 from synthetic_runs import configuration, oscillatory_record, write_run
+from waiting import LIMIT, wait_until
 
 from suspend.errors import ConfigurationError, Interrupted, NumericalError, StorageError
 from suspend_cli.main import main
@@ -401,9 +402,15 @@ def test_an_interrupt_from_the_keyboard_exits_130(tmp_path):
     os.mkfifo(tmp_path / "a.yaml")
     command = [sys.executable, "-m", "suspend_cli", "run", str(tmp_path / "a.yaml")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(1.0)
+
+    def other_end():
+        with contextlib.suppress(OSError):  # nobody has opened it to read
+            return os.open(tmp_path / "a.yaml", os.O_WRONLY | os.O_NONBLOCK)
+
+    end = wait_until(other_end, process)
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=LIMIT)
+    os.close(end)
     assert (process.returncode, out, err) == (130, "", "\nError: interrupted\n")  # a new line after ^C
 
 

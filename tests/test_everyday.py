@@ -12,6 +12,7 @@ import threading
 from types import SimpleNamespace
 
 import pytest
+from waiting import LIMIT
 
 from suspend.io import Run
 from suspend.io.h5md import empty_file
@@ -47,7 +48,7 @@ def test_a_fork_after_a_computation_is_an_error(tmp_path):
     """In the child the kernels would compute nothing: an error that says spawn."""
     (tmp_path / "f.py").write_text(FORK)
     command = [sys.executable, str(tmp_path / "f.py"), str(tmp_path / "r")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT)
     assert done.stdout.startswith("SuspendError") and "spawn" in done.stdout, done.stderr
 
 
@@ -144,7 +145,7 @@ def test_commands_need_no_stream(tmp_path, closed):
     python = f"{sys.executable} -m suspend_cli"
 
     def shell(command):
-        return subprocess.run(["sh", "-c", f"{python} {command} {closed}"], cwd=tmp_path, timeout=120).returncode
+        return subprocess.run(["sh", "-c", f"{python} {command} {closed}"], cwd=tmp_path, timeout=LIMIT).returncode
 
     assert shell("run c.yaml -o r") == 0
     assert shell("analyze r --csv t.csv") == 0
@@ -169,7 +170,7 @@ def test_a_threading_layer_that_is_not_there(tmp_path, layer):
     for threads, code in (("1", 0), ("2", 2)):
         done = subprocess.run(
             [*command, "-o", f"r{threads}", "--threads", threads],
-            cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120,
+            cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=LIMIT,
         )  # fmt: skip
         assert done.returncode == code, done.stderr
         assert "Traceback" not in done.stderr

@@ -6,7 +6,6 @@ import errno
 import os
 import random
 import resource
-import select
 import shutil
 import signal
 import subprocess
@@ -158,27 +157,41 @@ def test_kill_before_each_operation(tmp_path, done, cycles, interval):
 
 
 def test_kill_at_random_instants_again_and_again(tmp_path):
-    """One run killed from outside at random instants, resumed each time, loses no acknowledged cycle."""
+    """One run killed from outside at random instants, resumed each time, loses no acknowledged cycle.
+
+    Each attempt may complete twelve cycles, so that there are kills however late they come; they come after a random
+    one of these, and a random share of a cycle later.
+    """
     simulate(tmp_path / "whole", 60, 0.01)
     instants = random.Random(5)
     directory, kills = tmp_path / "run", 0
     for _ in range(200):
         read, write_end = os.pipe()
+        allowed, allow = os.pipe()
+        os.write(allow, bytes(11))  # it waits behind the twelfth
         pid = os.fork()
         if pid == 0:
             try:
+                os.close(read)
+                os.close(allow)
                 simulate(
-                    directory, 60, 0.01, lambda k, fd=write_end: (os.write(fd, bytes([k])), time.sleep(1e-3))
-                )
+                    directory, 60, 0.01,
+                    lambda k, fd=write_end, limit=allowed: (os.write(fd, bytes([k])), os.read(limit, 1)),
+                )  # fmt: skip
             finally:
                 os._exit(0)
         os.close(write_end)
-        select.select([read], [], [], 30.0)  # the first cycle of this attempt is done
-        time.sleep(instants.uniform(0.0, 0.03))
+        os.close(allowed)
+        begun, reported, wanted = time.monotonic(), b"", instants.randint(1, 8)
+        while len(reported) < wanted and (report := os.read(read, 1)):  # nothing: it is finished
+            reported += report
+        pause = (time.monotonic() - begun) / wanted
+        time.sleep(instants.uniform(0.0, pause))
         os.kill(pid, signal.SIGKILL)
         _, status = os.waitpid(pid, 0)
+        os.close(allow)
         with open(read, "rb") as pipe:
-            reported = pipe.read()
+            reported += pipe.read()
         kills += os.waitstatus_to_exitcode(status) == -signal.SIGKILL
         check_survivor(directory, reported[-1] if reported else 0)
         if reported and reported[-1] == 60:

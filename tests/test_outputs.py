@@ -13,6 +13,7 @@ import threading
 import numpy as np
 import pytest
 from synthetic_runs import configuration, oscillatory_record, stress, write_run
+from waiting import LIMIT
 
 from suspend.analysis.summary import analyze
 from suspend.errors import StorageError
@@ -36,7 +37,7 @@ def make_run(path):
 
 def suspend(*arguments, **options):
     return subprocess.run(
-        [sys.executable, "-m", "suspend_cli", *map(str, arguments)], capture_output=True, timeout=120, **options
+        [sys.executable, "-m", "suspend_cli", *map(str, arguments)], capture_output=True, timeout=LIMIT, **options
     )
 
 
@@ -66,7 +67,7 @@ def test_a_fifo_receives_the_bytes_and_stays(tmp_path):
     reader = threading.Thread(target=lambda: received.append(fifo.read_text()))
     reader.start()
     replace_text(fifo, text)
-    reader.join(30)
+    reader.join(LIMIT)
     assert received == [text] and stat.S_ISFIFO(fifo.stat().st_mode)
 
 
@@ -90,7 +91,7 @@ def test_stdout_by_name_keeps_what_was_written_before(tmp_path, stored):
     target.write_text("before\n")
     with open(target, "a") as log:
         command = [sys.executable, "-m", "suspend_cli", "analyze", str(stored), "--csv", "/dev/stdout"]
-        assert subprocess.run(command, stdout=log, timeout=120).returncode == 0
+        assert subprocess.run(command, stdout=log, timeout=LIMIT).returncode == 0
     text = target.read_text()
     assert text.startswith("before\n") and "cycle," in text
 

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from sheared_runs import FLOW, NUMBER, PARTS, SCALES, sheared_run
 from synthetic_runs import EDGE, configuration, oscillatory_record, steady_record, stress, write_run
+from waiting import LIMIT
 
 from suspend.errors import ConfigurationError, StorageError
 from suspend.report import write_report
@@ -361,7 +362,7 @@ def test_in_a_browser(tmp_path, width, dark):
             [CHROMIUM, *QUIETLY, *scheme, *options, f"--window-size={width},1400", file.as_uri()],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=LIMIT,
         )
         assert done.returncode == 0, done.stderr
         assert "CONSOLE" not in done.stderr, done.stderr

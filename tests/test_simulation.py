@@ -13,6 +13,7 @@ import time
 import numba
 import numpy as np
 import pytest
+from waiting import LIMIT, cycles_in, wait_until
 
 from suspend.analysis.microstructure.number_variance import number_variance
 from suspend.analysis.microstructure.snapshot import Snapshot
@@ -235,40 +236,52 @@ def test_extended_run_is_the_longer_run(tmp_path):
 
 
 def test_killed_runs_lose_no_completed_cycle(tmp_path):
-    """kill -9 at random instants, then the same command again: the same bits as an undisturbed run."""
-    config = scene(30, 0.4, duration__cycles=6)
+    """kill -9 at random instants, then the same command again: the same bits as an undisturbed run.
+
+    The instants are within start-up or one to three cycles after it, by turns, in units of what these take.
+    """
+    config = scene(30, 0.4, duration__cycles=12)
     run(config, tmp_path / "whole")
+    with Run(tmp_path / "whole") as stored:
+        cycle = np.mean([stored.cycle(k)["statistics"]["wall_time"] for k in range(stored.cycles)])
     (tmp_path / "c.yaml").write_text(config.to_yaml())
     command = [sys.executable, "-m", "suspend_cli", "run", str(tmp_path / "c.yaml"), "--output", str(tmp_path / "r")]
     random = np.random.default_rng(7)
-    done = 0
-    for _ in range(6):
+    done, start_up = 0, 0.0
+    for number in range(6):
+        begun = time.monotonic()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(random.uniform(1.2, 2.6))
+        if number % 2:
+            time.sleep(random.uniform(0.0, start_up))
+        else:
+            wait_until(lambda before=done: cycles_in(tmp_path / "r") > before, process)
+            start_up = time.monotonic() - begun
+            time.sleep(random.uniform(0.0, 2.0 * cycle))
         process.send_signal(signal.SIGKILL)
         process.wait()
         if (tmp_path / "r" / "trajectory.h5").exists():
             with Run(tmp_path / "r") as stored:
-                assert stored.cycles >= done
+                assert stored.cycles >= done + (number % 2 == 0)
                 done = stored.cycles
+        if done == 12:
+            break
     subprocess.run(command, check=True, capture_output=True)
     assert_identical(contents(tmp_path / "r"), contents(tmp_path / "whole"))
 
 
 def test_sigterm_writes_a_checkpoint(tmp_path):
     """SIGTERM ends with exit code 130 and a checkpoint that the same command continues from."""
-    config = scene(60, 0.4, duration__cycles=400)
+    config = scene(60, 0.4, duration__cycles=4_000_000)
     (tmp_path / "c.yaml").write_text(config.to_yaml())
     command = [sys.executable, "-m", "suspend_cli", "run", str(tmp_path / "c.yaml"), "--output", str(tmp_path / "r")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    while not (tmp_path / "r" / "checkpoint.npz").exists():
-        time.sleep(0.05)
-        assert process.poll() is None
-    time.sleep(0.5)
+    wait_until(lambda: cycles_in(tmp_path / "r"), process)
     process.terminate()
-    _, error = process.communicate(timeout=60)
+    _, error = process.communicate(timeout=LIMIT)
     assert process.returncode == 130, error
-    assert "checkpoint" in error and "Traceback" not in error
+    assert "checkpoint written" in error and "Traceback" not in error
+    with pytest.raises(Interrupted, match="checkpoint written"):
+        run(config, tmp_path / "r", max_time=0.0)
 
 
 def test_another_configuration_is_refused(tmp_path):

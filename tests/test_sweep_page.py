@@ -15,6 +15,7 @@ import pytest
 from figure_runs import eta_r
 from synthetic_sweeps import make_sweep, sweep_text
 from test_report import words
+from waiting import LIMIT
 
 from suspend.analysis.collection import QUANTITIES, Member, Series
 from suspend.analysis.phase_diagram import PhaseDiagram
@@ -181,7 +182,7 @@ def test_the_nightly_line_of_the_readme(tmp_path):
     made.rename(place / path)
     done = subprocess.run(
         ["/bin/sh", "-c", line.split(" ", 5)[5]], env={"HOME": str(home), "PATH": "/usr/bin:/bin"},
-        capture_output=True, text=True, timeout=120,
+        capture_output=True, text=True, timeout=LIMIT,
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
     assert "3 points: 1 complete, 2 waiting" in words((place / target).read_text())
