@@ -32,7 +32,7 @@ PRESSED = (
 )
 GAP_REACH = 3.0  # radii: centre distance up to which gaps are looked for in a sample, whatever acts
 FLOWN = 1e6  # cell edges: a trial position beyond it is no position of a suspension
-VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate
+VELOCITY_FLOOR = 1e-2  # a Gamma: velocities below it need not be relatively accurate in a flow of rate Gamma
 
 
 class Overlap(Exception):
@@ -136,6 +136,7 @@ class Suspension:
 
     def __init__(self, scene: Scene, settings: SolverSettings, number: int, threads: int):
         self.scene, self.settings, self.number, self.threads = scene, settings, number, threads
+        self.floor = VELOCITY_FLOOR if scene.sheared else 0.0  # a fluid at rest has no velocity to compare with
         self.strain_rate = np.zeros((3, 3))
         if scene.sheared:
             self.strain_rate[0, 1] = self.strain_rate[1, 0] = 0.5
@@ -246,7 +247,7 @@ class Suspension:
     def _coupled(self, load, strain_rate, history: History, time: float):
         start = history.extrapolate(time, history.values[0].shape) if history.times else None
         try:
-            solution = self.far.solve(load, strain_rate, VELOCITY_FLOOR, start)
+            solution = self.far.solve(load, strain_rate, self.floor, start)
         except NumericalError as error:
             raise NumericalError(f"{error}; {self._gap_so_far()}") from None
         history.push(time, solution.guess)
@@ -272,7 +273,7 @@ class Suspension:
         self.factor_point = (position.copy(), tilt, self.held)
 
     def _conjugate_gradient(self, load: np.ndarray, start: np.ndarray):
-        floor2 = self.number * VELOCITY_FLOOR**2
+        floor2 = self.number * self.floor**2
         try:
             settings = self.settings
             solution = self.near.solve(load, start, settings.tolerance, floor2, settings.max_iterations)

@@ -22,7 +22,7 @@ from suspend.gaps import CLOSE, CloseGaps, TouchingPairs
 from suspend.integrators import Controller, Method, Step, interpolate, take_step
 
 GAP_SHARE = 0.03  # an error of ln h of touching pairs counts as this many radii
-SHORTEST_WAY = 1e-9  # radii: the way a sphere goes in the smallest step advised where forces are large
+FORCED_SHARE = 0.1  # of the spheres' speed that errors are measured against where it exceeds the shear's
 
 
 @dataclass
@@ -114,7 +114,7 @@ class Motion:
             if self.settings.fixed is not None:
                 why = "spheres overlap, or are thrown out of the cell, at the fixed step (integrator.step)"
                 raise NumericalError(self._stuck(state, size, why))
-            if retry < self.settings.min_step:
+            if retry * self._pace(state) < self.settings.min_step:
                 why = "every trial step overlaps or misses the tolerance"
                 raise NumericalError(self._stuck(state, size, why))
             size, landing = retry, False
@@ -126,7 +126,10 @@ class Motion:
         if self.settings.fixed is not None:
             parts = math.ceil(ahead / self.settings.fixed - 1e-9)
             return ahead / parts, parts == 1
-        size = min(state.size, self.settings.max_step)
+        longest = self.settings.max_step
+        if not self.suspension.scene.sheared:  # there is no strain to be resolved, only the way of the spheres
+            longest /= self._pace(state)
+        size = min(state.size, longest)
         if not self._landing_pays(ahead, size) and len(events) > 1:
             ahead = events[-1] - state.time
             if ahead > size:  # do not leave a sliver at the cycle's end
@@ -165,6 +168,7 @@ class Motion:
         if step.error is None or self.settings.fixed is not None:
             return step, size
         error = max(step.error, GAP_SHARE * step.gap_error)
+        error /= self._pace(state)
         accepted = error <= self.settings.tolerance * size
         proposal = size * self.controller.factor(error / size, accepted)
         if accepted:  # a step cut short says little about much longer ones
@@ -173,6 +177,17 @@ class Motion:
         counters.rejected_error += 1
         suspension.history = history
         return None, proposal
+
+    def _pace(self, state: State) -> float:
+        """Radii per unit time that errors are measured against: the shear's, or what the spheres move at where forces do.
+
+        So no force is too small or too large, and the unit of time of a fluid at rest has no say. A sheared suspension
+        is measured by the shear until its spheres move ten times as fast.
+        """
+        speed = math.sqrt(float(np.mean(np.sum(state.velocity[:, :3] ** 2, axis=1))))
+        if self.suspension.scene.sheared:
+            return max(1.0, FORCED_SHARE * speed)
+        return speed if speed > 0.0 else 1.0
 
     def _close_gaps(self, state: State) -> CloseGaps | None:
         """Pairs whose gaps are integrated by themselves; None where overlaps are allowed or nothing touches."""
@@ -246,12 +261,12 @@ class Motion:
             return "Lower integrator.step"
         key, accuracy = self.suspension.solve_accuracy
         speed = math.sqrt(float(np.mean(np.sum(state.velocity**2, axis=1))))
-        if accuracy * speed > self.settings.tolerance:
+        allowed = self.settings.tolerance * self._pace(state)
+        if accuracy * speed > allowed:
             return (
-                f"The spheres move at {speed:.2g} a per unit strain; {key} {accuracy:.2g} of that is more than "
-                f"integrator.tolerance {self.settings.tolerance:.2g}, which no step however short can meet: lower "
-                f"{key} to {0.1 * self.settings.tolerance / speed:.0e} and integrator.min_step to "
-                f"{SHORTEST_WAY / speed:.0e}, or the forces (repulsion, contact, external)"
+                f"The spheres move at {speed:.2g} a per unit time; {key} {accuracy:.2g} of that is more than the error "
+                f"of {allowed:.2g} that integrator.tolerance allows, which no step however short can meet: lower "
+                f"{key} to {0.1 * allowed / speed:.0e}, or the forces (repulsion, contact, external)"
             )
         if counters.rejected_error:
             return "Lower integrator.min_step, raise integrator.tolerance, or lower the forces"
