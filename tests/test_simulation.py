@@ -366,20 +366,51 @@ def test_smallest_gap_of_a_scene_without_any_interaction(tmp_path):
         assert np.isnan(dilute.cycle(0)["statistics"]["minimum_gap"])
 
 
-@pytest.mark.parametrize(
-    "forces",
-    [
-        {"repulsion": "{force: 1.0e8, debye_length: 0.01}"},
-        {"repulsion": "{force: 1.0e8, debye_length: 0.01}", "external": "{force: [1.0e5, 0, 0]}"},
-    ],
-)
-def test_advice_for_large_forces_helps(tmp_path, forces):
-    """Velocities so large that their solve's error exceeds the tolerance: the message gives values that work."""
-    forces = forces | {"duration__cycles": 1, "flow__amplitude": 1e-4, "seed": 5}
+def test_large_forces_run_by_themselves(tmp_path):
+    """A repulsion of 1e8 F_stk throws spheres apart at 1e6 a per unit strain: the run needs no setting, and is right.
+
+    Errors are then measured against the way the spheres go. Reference: the same at a hundredth of all tolerances; the
+    spheres go some 0.1 a apart, positions to a hundredth of that.
+    """
+    forces = {"repulsion": "{force: 1.0e8, debye_length: 0.01}", "seed": 5}
+    forces |= {"duration__cycles": 1, "flow__amplitude": 1e-4}
+    frames = []
+    for tolerance in (1e-3, 1e-5):
+        run(scene(20, 0.4, **forces, tolerance=tolerance), tmp_path / f"{tolerance}")
+        with Run(tmp_path / f"{tolerance}") as stored:
+            frames.append([stored.frame(k)["unwrapped"] for k in (0, -1)])
+    (start, coarse), (_, fine) = frames
+    moved = np.abs(fine - start).max()
+    assert moved > 0.03 and np.abs(coarse - fine).max() <= 0.01 * moved
+
+
+def test_advice_for_large_forces_helps(tmp_path):
+    """Velocities solved to less than the steps' tolerance: the message gives a value that works."""
+    forces = {"repulsion": "{force: 1.0e8, debye_length: 0.01}", "seed": 5, "duration__cycles": 1}
+    forces |= {"flow__amplitude": 1e-4, "integrator__tolerance": 1e-6}
     with pytest.raises(NumericalError, match=r"lower solver\.tolerance to") as caught:
-        run(scene(20, 0.4, **forces), tmp_path / "a")
-    found = re.search(r"lower solver.tolerance to (\S+) and integrator.min_step to ([0-9.e+-]+)", str(caught.value))
-    run(scene(20, 0.4, **forces, solver__tolerance=found[1], integrator__min_step=found[2]), tmp_path / "b")
+        run(scene(20, 0.4, **forces, solver__tolerance=1e-2), tmp_path / "a")
+    found = re.search(r"lower solver.tolerance to ([0-9.e+-]+[0-9])", str(caught.value))
+    run(scene(20, 0.4, **forces, solver__tolerance=found[1]), tmp_path / "b")
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1e3, 1e7])
+def test_a_fluid_at_rest_knows_no_unit_of_force(tmp_path, scale):
+    """Ten settling spheres under a force scaled by any number go the same way in the time scaled by its inverse.
+
+    The equations are linear in the force and hold no other; the reference rate is arbitrary. 1e-6 a: the path is 0.02 a
+    long and solved to 1e-5 of it; steps differ where events are at other times.
+    """
+
+    def path(force, time):
+        changes = {"flow": "{type: quiescent}", "repulsion": "null", "duration": f"{{strain: {time!r}}}", "seed": 3}
+        changes["external"] = f"{{force: [{0.3 * force!r}, 0.0, {-force!r}]}}"
+        directory = tmp_path / f"{force}"
+        run(scene(10, 0.3, **changes), directory)
+        with Run(directory) as stored:
+            return stored.frame(-1)["unwrapped"] - stored.frame(0)["unwrapped"]
+
+    assert np.allclose(path(scale, 0.02 / scale), path(1.0, 0.02), rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize(
