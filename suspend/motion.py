@@ -179,7 +179,7 @@ class Motion:
         return None, proposal
 
     def _pace(self, state: State) -> float:
-        """Radii per unit time that errors are measured against: the shear's, or what the spheres move at where forces do.
+        """Radii per unit time that errors are measured against: the shear's, or the speed of spheres that forces move.
 
         So no force is too small or too large, and the unit of time of a fluid at rest has no say. A sheared suspension
         is measured by the shear until its spheres move ten times as fast.

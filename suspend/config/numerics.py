@@ -76,8 +76,8 @@ class Integrator:
     tolerance: float = key(
         "number",
         "position error (rms) per unit of strain that steps are chosen for; per radius that the spheres go (rms) in a "
-        "fluid at rest, per ten radii where forces move them faster than ten radii per unit of strain; null = the run's "
-        "tolerance",
+        "fluid at rest, per ten radii where forces move them faster than ten radii per unit of strain; null = the "
+        "run's tolerance",
         unit="radii/strain",
         default=None,
         least=1e-13,
@@ -92,10 +92,17 @@ class Integrator:
         most=1.0,
         symbols=("dt", "time_step", "timestep"),
     )
-    max_step: float = key("number", "largest step; radii that the spheres go (rms) in a fluid at rest", unit="strain", default=0.1, above=0.0, most=10.0)
+    max_step: float = key(
+        "number",
+        "largest step; in radii that the spheres go (rms) in a fluid at rest",
+        unit="strain",
+        default=0.1,
+        above=0.0,
+        most=10.0,
+    )
     min_step: float = key(
         "number",
-        "the run stops with an error where a smaller step is needed; measured as the largest step and the tolerance are",
+        "the run stops with an error where a smaller step is needed; measured as the tolerance is",
         unit="strain",
         default=1e-9,
         above=0.0,
