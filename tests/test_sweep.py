@@ -199,10 +199,10 @@ def test_missing_folders_and_too_large_points_start_nothing(tmp_path, text, expe
 
 
 def test_the_shipped_phase_diagram():
-    """156 points: 3 volume fractions x 13 amplitudes, near field with three seeds, far field with one."""
+    """169 points: 3 volume fractions x 13 amplitudes, near field with three seeds, far field with one, preset."""
     points = resolve(read_sweep(ROOT / "configs" / "phase_diagram.yaml"))
     fields = [p.config.far_field for p in points]
-    assert (fields.count("self"), fields.count("ewald")) == (117, 39)
+    assert [fields.count(name) for name in ("self", "ewald", "identity")] == [117, 39, 13]
     assert {p.config.particles.number for p in points} == {500}
     assert {p.config.duration.strain for p in points} == {256}
     assert len({start_key(p.config) for p in points}) == 9  # one a volume fraction and seed
