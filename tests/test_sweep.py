@@ -10,16 +10,19 @@ import pty
 import random
 import re
 import resource
+import select
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from waiting import LIMIT, cycles_in, wait_until
 
 from suspend.analysis.summary import analyze
 from suspend.config import loads
@@ -47,6 +50,7 @@ vary:
   particles.volume_fraction: [0.1, 0.2]
   flow.amplitude: [0.3, 0.6]
 """
+FOREVER = "cycles: 40000000"
 
 
 def written(folder, text, name="s.yaml"):
@@ -68,7 +72,7 @@ def environment():
 
 def sweep(folder, *arguments, **options):
     return subprocess.run(
-        command(*arguments), capture_output=True, text=True, cwd=folder, env=environment(), timeout=600, **options
+        command(*arguments), capture_output=True, text=True, cwd=folder, env=environment(), timeout=LIMIT, **options
     )
 
 
@@ -341,12 +345,20 @@ def test_a_changed_file_keeps_what_belongs_and_says_what_does_not(tmp_path, comp
     assert {n: (c[0], c[1]) for n, c in after.items()} == {n: (c[0], 2 if n in gone else 3) for n, c in before.items()}
 
 
+def started(folder, *options, **more):
+    """A call of the sweep in `folder` as a process that says nothing."""
+    return subprocess.Popen(command("s.yaml", "-q", *options), cwd=folder, env=environment(), **more)
+
+
 def test_a_shorter_duration_leaves_longer_runs_as_they_are(tmp_path, complete):
     """A run that was stopped beyond what is asked for now is complete, not failed."""
-    written(tmp_path, BASE.replace("cycles: 2", "cycles: 40000") + "seeds: 1\n")
-    assert sweep(tmp_path, "s.yaml", "--max-time", "3s").returncode == 130
+    written(tmp_path, BASE.replace("cycles: 2", FOREVER) + "seeds: 1\n")
+    process = started(tmp_path)
+    wait_until(lambda: cycles_in(tmp_path) > 2, process)
+    process.terminate()
+    assert process.wait(timeout=LIMIT) == 130
     before = contents(tmp_path / "runs/s")
-    assert all(content[1] > 2 for content in before.values())
+    assert before and all(content[1] > 2 for content in before.values())
     written(tmp_path, BASE + "seeds: 1\n")
     done = sweep(tmp_path, "s.yaml")
     assert (done.returncode, done.stderr) == (0, "")
@@ -355,35 +367,41 @@ def test_a_shorter_duration_leaves_longer_runs_as_they_are(tmp_path, complete):
 
 def test_a_terminal_shows_a_table(tmp_path, complete):
     """Redrawn in place: what is complete, running (strain, time left) and waiting; events above it."""
-    written(tmp_path, FOUR.replace("cycles: 2", "cycles: 4000"))
+    written(tmp_path, FOUR.replace("cycles: 2", FOREVER))
     main, side = pty.openpty()
-    options = {"cwd": tmp_path, "env": environment() | {"TERM": "xterm"}, "stdin": subprocess.DEVNULL}
-    process = subprocess.Popen(command("s.yaml", "--max-time", "4s"), stderr=side, stdout=side, **options)
+    options = {"cwd": tmp_path, "env": environment() | {"TERM": "xterm", "COLUMNS": "120"}, "stdin": subprocess.DEVNULL}
+    process = subprocess.Popen(command("s.yaml"), stderr=side, stdout=side, **options)
     os.close(side)
-    shown = b""
-    while True:
-        try:
-            piece = os.read(main, 65536)
-        except OSError:  # the other end is closed
-            break
-        if not piece:
-            break
-        shown += piece
-    assert process.wait() == 130
-    text = shown.decode()
+    shown = []
+
+    def read():
+        with suppress(OSError):  # the other end is closed
+            while select.select([main], [], [], 0.0)[0] and (piece := os.read(main, 65536)):
+                shown.append(piece)
+        return b"".join(shown).decode(errors="replace")
+
+    wait_until(lambda: re.search(r"gamma0-0.6\S*  +[\d.e+]+/9\.6e\+07 +[\d:]+ left", read()), process)
+    process.terminate()
+    wait_until(lambda: [read(), process.poll()][1] is not None)
+    assert process.returncode == 130
+    text = read()
     assert "0/4 complete" in text and "waiting" in text and "\x1b[" in text
-    assert re.search(r"gamma0-0.6\S*  +[\d.]+/9600 +[\d:]+ left", text), text[-2000:]
-    assert "time limit" in text
+    assert "stopped (SIGTERM)" in text
 
 
 def test_two_calls_at_once(tmp_path, complete):
-    """The second leaves quietly with 130, work being left; the runs are as ever."""
-    written(tmp_path, FOUR)
-    processes = [
-        subprocess.Popen(command("s.yaml", "-q"), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True)
-        for _ in range(2)
-    ]
-    errors = [process.communicate(timeout=600)[1] for process in processes]
+    """The second leaves quietly with 130, work being left; the runs are as ever.
+
+    A point that the test keeps for itself keeps the first from its end until the second has left.
+    """
+    (point, *_) = resolve(read_sweep(written(tmp_path, FOUR)))
+    folder = tmp_path / "runs/s" / point.name
+    folder.mkdir(parents=True)
+    lock = PointLock(folder)
+    processes = [started(tmp_path, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    wait_until(lambda: any(process.poll() is not None for process in processes))
+    lock.release()
+    errors = [process.communicate(timeout=LIMIT)[1] for process in processes]
     assert sorted(process.returncode for process in processes) == [0, 130], errors
     assert errors == ["", ""]
     compare(contents(tmp_path / "runs/s"), contents(complete / "runs/s"))
@@ -395,17 +413,38 @@ def compare(found, expected):
         assert same(content, expected[name]), name
 
 
+def limited(folder, enough, *options, again=lambda: None):
+    """Call with --max-time, each time with twice the time, until it was `enough`; the last limit in seconds."""
+    seconds = 3.0
+    while True:
+        done = sweep(folder, "s.yaml", "--max-time", f"{seconds}s", *options)
+        assert done.returncode == 130 and "time limit" in done.stderr
+        if enough():
+            return seconds
+        again()
+        seconds *= 2.0
+        assert seconds < LIMIT
+
+
 def test_max_time_stops_all_and_the_next_call_goes_on(tmp_path, complete):
-    """Exit code 130, a checkpoint each, within seconds of the limit; the next call continues."""
-    written(tmp_path, FOUR.replace("cycles: 2", "cycles: 40000"))
-    begun = time.monotonic()
-    done = sweep(tmp_path, "s.yaml", "--max-time", "4s")
-    assert done.returncode == 130 and "time limit" in done.stderr and time.monotonic() - begun < 20
-    cycles = {name: content[1] for name, content in contents(tmp_path / "runs/s").items()}
-    assert len(cycles) == min(4, cores()) and min(cycles.values()) >= 1
-    assert sweep(tmp_path, "s.yaml", "--max-time", "3s", "--workers", "1").returncode == 130
-    after = {name: content[1] for name, content in contents(tmp_path / "runs/s").items()}
-    assert sum(after.values()) > sum(cycles.values()) and all(after[name] >= count for name, count in cycles.items())
+    """Exit code 130, a checkpoint each, no cycle begun after the limit; the next call continues."""
+    written(tmp_path, FOUR.replace("cycles: 2", FOREVER))
+    workers = min(4, cores())
+
+    def counts():
+        return {name: content[1] for name, content in contents(tmp_path / "runs/s").items()}
+
+    def all_began():
+        return len(counts()) == workers and min(counts().values()) >= 1
+
+    limit = limited(tmp_path, all_began, again=lambda: shutil.rmtree(tmp_path / "runs"))
+    cycles = counts()
+    for name in cycles:
+        with Run(tmp_path / "runs/s" / name) as run:
+            times = [run.cycle(k)["statistics"]["wall_time"] for k in range(run.cycles)]
+        assert sum(times[:-1]) <= limit and (tmp_path / "runs/s" / name / "checkpoint.npz").is_file()
+    limited(tmp_path, lambda: sum(counts().values()) > sum(cycles.values()), "--workers", "1")
+    assert all(counts()[name] >= count for name, count in cycles.items())
 
 
 def test_failures_are_retried_counted_and_reported(tmp_path, complete):
@@ -465,11 +504,18 @@ def processes_of(folder):
 
 
 def kill_until(folder, kills, seed):
-    """Call the sweep again and again; `kills` times kill -9 the call or a worker at a random moment."""
+    """Call the sweep again and again; `kills` times kill -9 the call or a worker at a random moment: some time after
+    the call, its first worker or one more cycle is there.
+    """
     rng = random.Random(seed)
     for _ in range(kills):
-        process = subprocess.Popen(command("s.yaml", "-q"), cwd=folder, env=environment(), stderr=subprocess.PIPE)
-        time.sleep(rng.uniform(0.3, 3.0))
+        before = cycles_in(folder)
+        there = [
+            lambda: processes_of(folder), lambda: len(processes_of(folder)) > 1, lambda n=before: cycles_in(folder) > n,
+        ][rng.randrange(3)]  # fmt: skip
+        process = started(folder, stderr=subprocess.PIPE)
+        wait_until(lambda process=process, there=there: there() or process.poll() is not None)
+        time.sleep(rng.uniform(0.0, 1.0))
         alive = processes_of(folder)
         if alive:
             os.kill(rng.choice(alive), signal.SIGKILL)
@@ -480,7 +526,7 @@ def kill_until(folder, kills, seed):
         if process.poll() is None and rng.random() < 0.5:
             process.terminate()
         try:
-            process.communicate(timeout=4)
+            process.communicate(timeout=4)  # some calls are left to go on with what was not killed
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
@@ -497,9 +543,8 @@ def check_kills(folder, kills, expected):
                 with Run(place) as run:
                     stamp = (run.run_id, (place / "trajectory.h5").stat().st_mtime_ns)
                 assert complete_ids.setdefault(point.key, stamp) == stamp  # nothing complete is repeated or lost
-    deadline = time.monotonic() + 120
-    while (done := sweep(folder, "s.yaml")).returncode == 130 and time.monotonic() < deadline:
-        time.sleep(0.2)
+    # 130: workers of a killed call are writing their checkpoints still
+    done = wait_until(lambda: done if (done := sweep(folder, "s.yaml")).returncode != 130 else None)
     assert done.returncode == 0, done.stderr
     compare(contents(folder / "runs/s"), expected)
     assert holder(folder / "runs/s", SweepLock.NAME) is None
@@ -523,19 +568,14 @@ def test_twenty_kills_lose_nothing(tmp_path, complete):
 
 
 def test_workers_stop_when_their_call_is_killed(tmp_path, complete):
-    """kill -9 of the call: its workers write a checkpoint and go within seconds."""
-    written(tmp_path, FOUR.replace("cycles: 2", "cycles: 40000"))
-    process = subprocess.Popen(command("s.yaml", "-q"), cwd=tmp_path, env=environment())
+    """kill -9 of the call: its workers, which would never end, write a checkpoint and go."""
+    written(tmp_path, FOUR.replace("cycles: 2", FOREVER))
+    process = started(tmp_path)
     workers = min(4, cores())
-    while len(list(tmp_path.glob("runs/s/*/moduli.csv"))) < workers:
-        time.sleep(0.05)
-        assert process.poll() is None
+    wait_until(lambda: len(list(tmp_path.glob("runs/s/*/moduli.csv"))) == workers, process)
     process.kill()
     process.wait()
-    deadline = time.monotonic() + 20
-    while processes_of(tmp_path) and time.monotonic() < deadline:
-        time.sleep(0.1)
-    assert processes_of(tmp_path) == []
+    wait_until(lambda: not processes_of(tmp_path))
     assert all(content[1] >= 1 for content in contents(tmp_path / "runs/s").values())
     call = prepare(tmp_path / "s.yaml", tmp_path / "runs/s")
     assert all(holder(call.places[p.key], PointLock.NAME) is None for p in call.points)
@@ -543,16 +583,14 @@ def test_workers_stop_when_their_call_is_killed(tmp_path, complete):
 
 def test_suspended_workers_do_not_keep_a_stopped_call(tmp_path, complete):
     """SIGSTOP of a worker, then SIGTERM of the call: it ends with 130 and a checkpoint as ever."""
-    written(tmp_path, BASE.replace("cycles: 2", "cycles: 40000") + "seeds: 1\n")
-    process = subprocess.Popen(command("s.yaml", "-q"), cwd=tmp_path, env=environment(), stderr=subprocess.PIPE)
-    while not list(tmp_path.glob("runs/s/*/moduli.csv")):
-        time.sleep(0.05)
-        assert process.poll() is None
+    written(tmp_path, BASE.replace("cycles: 2", FOREVER) + "seeds: 1\n")
+    process = started(tmp_path, stderr=subprocess.PIPE)
+    wait_until(lambda: cycles_in(tmp_path), process)
     (worker,) = set(processes_of(tmp_path)) - {process.pid}
     os.kill(worker, signal.SIGSTOP)
     process.terminate()
     try:
-        process.communicate(timeout=30)
+        process.communicate(timeout=LIMIT)
     finally:
         os.kill(worker, signal.SIGCONT) if worker in processes_of(tmp_path) else None
     assert process.returncode == 130
@@ -578,12 +616,12 @@ def test_the_crontab_line_of_the_readme(tmp_path, complete):
     (place / config).parent.mkdir()
     written((place / config).parent, FOUR, Path(config).name)
     assert "--max-time" in text
-    text = re.sub(r"--max-time \S+", "--max-time 3s", text)
     codes, outputs = [], []
-    for _ in range(20):
+    for number in range(20):
+        text = re.sub(r"--max-time \S+", f"--max-time {min(2.0 * 1.5**number, LIMIT)}s", text)
         done = subprocess.run(
             ["/bin/sh", "-c", text], env={"HOME": str(home), "PATH": "/usr/bin:/bin", "SHELL": "/bin/sh"},
-            capture_output=True, text=True, timeout=120,
+            capture_output=True, text=True, timeout=2 * LIMIT,
         )  # fmt: skip
         codes.append(done.returncode)
         outputs.append(done.stdout + done.stderr)

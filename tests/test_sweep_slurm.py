@@ -7,11 +7,11 @@ import re
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from waiting import LIMIT, cycles_in, wait_until
 
 from suspend.config.wall_time import clock, wall_seconds
 from suspend.errors import ConfigurationError
@@ -28,7 +28,7 @@ base:
   repulsion: {force: 10.0, debye_length: 0.01}
 vary: {flow.amplitude: [0.3, 0.6, 0.9]}
 """
-LONG = SWEEP.replace("cycles: 2", "cycles: 40000")
+LONG = SWEEP.replace("cycles: 2", "cycles: 40000000")
 CLUSTER = """\
 cluster:
   kind: slurm
@@ -48,7 +48,7 @@ def environment(**more):
 
 def sweep(folder, *arguments):
     command = [sys.executable, "-m", "suspend_cli", "sweep", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment(), timeout=600)
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment(), timeout=LIMIT)
 
 
 def written(folder, text):
@@ -127,7 +127,7 @@ def test_points_at_once_beside_each_other(tmp_path, complete):
         subprocess.Popen([*command, k], cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True)
         for k in ("1", "2", "3", "3")
     ]
-    errors = [call.communicate(timeout=600)[1] for call in calls]
+    errors = [call.communicate(timeout=LIMIT)[1] for call in calls]
     codes = [call.returncode for call in calls]
     assert codes[:2] == [0, 0] and 0 in codes[2:] and set(codes[2:]) <= {0, 130}, errors
     found = strains(tmp_path / "runs/s")
@@ -170,7 +170,7 @@ def test_the_array_computes_the_sweep(tmp_path, complete):
     for task in range(3):
         done = subprocess.run(
             ["bash", "job.sh"], cwd=tmp_path, env=slurm(tmp_path) | {"SLURM_ARRAY_TASK_ID": str(task)},
-            capture_output=True, text=True, timeout=300,
+            capture_output=True, text=True, timeout=LIMIT,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
         assert len(strains(tmp_path / "runs/s")) == task + 1
@@ -181,14 +181,13 @@ def test_the_array_computes_the_sweep(tmp_path, complete):
 
 
 def start_job(folder, **more):
+    """A job that has completed a cycle."""
+    before = cycles_in(folder)
     process = subprocess.Popen(
         ["bash", "job.sh"], cwd=folder, env=slurm(folder) | {"SLURM_ARRAY_TASK_ID": "1"} | more,
         stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    deadline = time.monotonic() + 120
-    while not list(folder.glob("runs/s/*/moduli.csv")):
-        time.sleep(0.05)
-        assert process.poll() is None and time.monotonic() < deadline
+    wait_until(lambda: cycles_in(folder) > before, process)
     return process
 
 
@@ -198,13 +197,12 @@ def test_a_job_near_its_end_checkpoints_and_goes_back_to_the_queue(tmp_path):
     emit(tmp_path)
     process = start_job(tmp_path)
     process.send_signal(signal.SIGUSR1)
-    assert process.wait(timeout=60) == 0, process.stderr.read()
+    assert process.wait(timeout=LIMIT) == 0, process.stderr.read()
     assert (tmp_path / "requeued").read_text() == "requeue 17\n"
     (before,) = strains(tmp_path / "runs/s").values()
     process = start_job(tmp_path)
-    time.sleep(6.0)
     process.send_signal(signal.SIGUSR1)
-    process.wait(timeout=60)
+    assert process.wait(timeout=LIMIT) == 0, process.stderr.read()
     (after,) = strains(tmp_path / "runs/s").values()
     assert len(after[0]) > len(before[0]) > 0 and after[1].startswith(before[1])
     (record,) = (read_record(path.parent) for path in tmp_path.glob("runs/s/*/point.json"))
@@ -218,7 +216,7 @@ def test_a_cancelled_job_is_not_queued_again(tmp_path, number, more):
     emit(tmp_path)
     process = start_job(tmp_path, **more)
     process.send_signal(number)
-    assert process.wait(timeout=60) == 130
+    assert process.wait(timeout=LIMIT) == 130
     assert not (tmp_path / "requeued").exists()
 
 
@@ -245,7 +243,7 @@ def test_places_with_spaces_and_percent_signs(tmp_path):
     text = emit(folder)
     assert "my 50%% 'runs'" in text
     done = subprocess.run(
-        ["bash", "job.sh"], cwd=folder, env=slurm(tmp_path) | {"SLURM_ARRAY_TASK_ID": "0"}, timeout=300,
+        ["bash", "job.sh"], cwd=folder, env=slurm(tmp_path) | {"SLURM_ARRAY_TASK_ID": "0"}, timeout=LIMIT,
     )  # fmt: skip
     assert done.returncode == 0 and len(strains(folder / "runs/s")) == 1
 
