@@ -9,7 +9,7 @@ SOURCES := pyproject.toml configs/demo.yaml $(shell find suspend cli -name '*.py
 unexport PYTHONPATH PYTHONHOME
 
 .DELETE_ON_ERROR:
-.PHONY: demo test long lint findings clean
+.PHONY: demo test long extreme lint findings clean
 
 demo: $(VENV)/.installed
 	$(BIN)/suspend run configs/demo.yaml --output demo-run
@@ -22,6 +22,9 @@ test: $(VENV)/.installed-dev
 
 long: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -q -m long
+
+extreme: $(VENV)/.installed-dev
+	$(BIN)/python benchmarks/extremes.py
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
