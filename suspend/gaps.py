@@ -20,6 +20,7 @@ from suspend.core.pairs import LOG_STIFFEST, HeldPairs, place_held, separation
 
 CLOSE = 1e-3  # radii: gap below which a pair is kept
 PINNED = 1e-8  # radii: smallest gap of the positions
+ROUND_OFF = 2.0**-52  # radii: of a distance of two radii
 ACCURACY = 1e-2  # of the positions' gaps, relative, but not below a tenth of PINNED
 SWEEPS = 400
 
@@ -57,9 +58,9 @@ def _close_rows(pairs, log_gap, position, edge, tilt, below):
         if t != t:
             dx, dy, dz = separation(pairs, p, position, edge, tilt)
             r2 = dx * dx + dy * dy + dz * dz
-            if r2 >= reach2:
+            if r2 >= reach2 or r2 <= 4.0:  # contact and overlap are for the evaluation to refuse
                 continue
-            t = math.log(math.sqrt(r2) - 2.0)
+            t = math.log(max(math.sqrt(r2) - 2.0, ROUND_OFF))
         elif t >= math.log(below):
             continue
         chosen[found] = p
