@@ -3,7 +3,8 @@
     python benchmarks/extremes.py [--only TEXT] [--short] [--output benchmarks/results/extremes.csv]
 
 Every scene runs near field and with far field, at its tolerance and at a thirtieth of it; errors are those of the shear
-stress (largest difference over all samples, relative to the largest stress) and of the positions at the end (rms).
+stress (largest difference relative to the largest stress, over the samples of the first 3.2 units of strain, beyond
+which neighbouring trajectories part) and of the positions (rms, at the last cycle's end within them, or the first's).
 A scene that may stop does so with an error that names step, pair, gap and remedy. `--short`: the scenes of a minute.
 """
 
@@ -25,6 +26,7 @@ from suspend.scene import make_units
 from suspend.simulation import Simulation
 
 TIGHTER = 1.0 / 30.0
+COMPARED = 3.2  # units of strain
 EDGE = 12.0  # radii: cell of the few spheres placed by hand
 
 
@@ -136,7 +138,7 @@ class Outcome:
     """What a run gave."""
 
     stress: np.ndarray
-    position: np.ndarray
+    position: np.ndarray | None
     smallest: float  # ln h
     steps: int
     seconds: float
@@ -146,7 +148,7 @@ class Outcome:
 def outcome_of(scene: Scene, far_field: str, tolerance: float) -> Outcome:
     """Run the scene to its end, or to its error."""
     stress, smallest, steps, began = [], math.inf, 0, time.monotonic()
-    simulation = None
+    position = None
     try:
         simulation = simulation_of(scene, far_field, tolerance)
         while simulation.state.cycle < simulation.flow.cycles:
@@ -157,12 +159,15 @@ def outcome_of(scene: Scene, far_field: str, tolerance: float) -> Outcome:
                 smallest = min([smallest, *simulation.state.touching.log_gap])
             gap = simulation.suspension.counters.minimum_gap
             smallest = min(smallest, math.log(gap)) if 0.0 < gap < math.inf else smallest
+            cycle, period = simulation.state.cycle, simulation.flow.period(simulation.state.cycle)
             record = simulation.end_cycle()
-            stress.append(record["stress_hydrodynamic"][:, 3] + record["stress_interparticle"][:, 3])
+            early = [simulation.flow.accumulated(cycle, period * phase) <= COMPARED for phase in record["phase"]]
+            stress.append((record["stress_hydrodynamic"][:, 3] + record["stress_interparticle"][:, 3])[early])
+            if simulation.flow.accumulated(cycle, period) <= COMPARED * (1.0 + 1e-9) or position is None:
+                position = simulation._unwrapped()
         stop = ""
     except (SuspendError, Overlap) as error:  # `suspend run` refuses a start that overlaps; here the evaluation does
         stop = f"{type(error).__name__}: {error}"
-    position = simulation._unwrapped() if simulation is not None else np.empty((0, 3))
     series = np.concatenate(stress) if stress else np.empty(0)
     return Outcome(series, position, smallest, steps, time.monotonic() - began, stop)
 
