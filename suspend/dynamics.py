@@ -2,8 +2,8 @@
 
 neighbour list -> near-field scalars -> loads (flow, pair forces, external) -> preconditioner -> velocity
 solve (near field alone, or coupled with the far field). Only what the scene needs is built: without
-lubrication no table is loaded, without far field and lubrication no solve is made, without any pair
-interaction there is no neighbour list. Internal units of `suspend.conventions`.
+lubrication, or before two spheres come within its reach, no table is loaded; without far field no solve is made where
+no pair is in reach; without any pair interaction there is no neighbour list. Internal units of `suspend.conventions`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from suspend.conventions import COMPONENT_INDEX
 from suspend.core.pairs import HeldPairs
 from suspend.errors import NumericalError
 from suspend.forces import PairForce, interaction_range, pair_forces, stress_per_sphere
+from suspend.hydro.lubrication import Lubrication, NearFieldOnDemand
 from suspend.hydro.neighbours import VerletList, contacts_within
 
 HISTORY = 3  # earlier velocities from which the near-field solve's start is extrapolated
@@ -53,16 +54,15 @@ class Flown(Overlap):
 
 @dataclass(frozen=True)
 class Scene:
-    """What acts on the spheres; `table` None = no lubrication, `ewald` None = own drag and stresslet only."""
+    """What acts on the spheres; `lubrication` None = off, `ewald` None = own drag and stresslet only."""
 
     edge: float
-    table: object | None
+    lubrication: Lubrication | None
     drags: tuple[float, float]
     self_stresslet: float
     force: PairForce
     external: np.ndarray  # (6,) force and torque on every sphere
     sheared: bool
-    odd_table: object | None = None  # for the stress of every sphere, where it is wanted
     ewald: object | None = None  # parameters of the far field's Ewald sum
 
 
@@ -141,20 +141,17 @@ class Suspension:
         if scene.sheared:
             self.strain_rate[0, 1] = self.strain_rate[1, 0] = 0.5
         self.force_range = interaction_range(scene.force)
-        near_range = scene.table.cutoff if scene.table is not None else 0.0
-        far_range = scene.ewald.cutoff if scene.ewald is not None else 0.0
-        cutoff = max(self.force_range, near_range, far_range)
-        self.list = VerletList(scene.edge, cutoff, settings.skin) if cutoff > 0.0 else None
-        self.near = self.far = None
-        if scene.table is not None:
-            from suspend.hydro.nearfield import NearField
-
-            self.near = NearField(scene.table, scene.drags, threads)
+        self.list = self._make_list()
+        self._near_field = NearFieldOnDemand(scene.lubrication, scene.drags, threads)
+        self.near = None  # while the list holds no pair that feels it
+        self.forced = False  # whether it holds one that may feel the pair force
+        self.smallest_gap = np.inf  # of the pairs that the near field acts on, at the last evaluation
+        self.far = None
         if scene.ewald is not None:
             from suspend.farfield import FarField
 
             self.far = FarField(
-                scene.edge, number, scene.ewald, self.near, settings.far_tolerance, settings.max_iterations, threads
+                scene.edge, number, scene.ewald, None, settings.far_tolerance, settings.max_iterations, threads
             )
         self.counters = Counters()
         length = HISTORY if self.far is None else FAR_HISTORY
@@ -165,6 +162,15 @@ class Suspension:
         self.factor_age = 0  # evaluations with far field since then
         self.far_stresslet = None  # (N, 5) of the last evaluation with far field, on the fluid
 
+    def _make_list(self) -> VerletList | None:
+        """The list of pairs as far as anything reaches; None where nothing acts, or the one sphere meets no image."""
+        scene, skin = self.scene, self.settings.skin
+        near_range = scene.lubrication.cutoff if scene.lubrication is not None else 0.0
+        far_range = scene.ewald.cutoff if scene.ewald is not None else 0.0
+        cutoff = max(self.force_range, near_range, far_range)
+        alone = self.number == 1 and scene.ewald is None and scene.edge > cutoff + skin
+        return VerletList(scene.edge, cutoff, skin) if cutoff > 0.0 and not alone else None
+
     def renew(self, position: np.ndarray, strain: float, tilt: float) -> None:
         """Build the neighbour list from these positions; the preconditioner goes with it."""
         if not np.abs(position).max() < FLOWN * self.scene.edge:  # not a number counts as well
@@ -172,9 +178,13 @@ class Suspension:
         self.list.build(position, strain, tilt)
         self.counters.list_builds += 1
         self.factor_point = None
-        if self.near is not None:
-            self.near.use_list(self.list.pairs, self.list.offset)
-        else:
+        self.near = self._near_field.of(self.list, position, tilt)
+        # beside lubrication alone a look at all pairs costs more than it saves
+        reach = self.list.cutoff if self.far is None else self.force_range
+        self.forced = self.force_range > 0.0 and self.list.holds(position, tilt, reach)
+        if self.far is not None:
+            self.far.solver.near = self.near
+        if self.near is None:
             from suspend.hydro.rows import split_rows
 
             self.chunks = split_rows(self.list.offset, self.threads)
@@ -191,25 +201,31 @@ class Suspension:
         if self.list is not None and not self.list.valid(position, strain):
             self.renew(position, strain, tilt)
         load = np.tile(self.scene.external, (self.number, 1))
+        self.smallest_gap = np.inf
         if self.near is not None:
             self.held = held
             gap = self.near.assemble(position, self.scene.edge, tilt, held)
-            if gap <= 0.0 and self.scene.table.frozen <= 0.0:
+            if gap <= 0.0 and self.scene.lubrication.frozen <= 0.0:
                 raise Overlap(gap)
             self.counters.minimum_gap = min(self.counters.minimum_gap, gap)
             self.smallest_gap = gap
         self.pair_stress = np.zeros(6)
-        if self.force_range > 0.0:
+        if self.forced:
             self._add_pair_forces(position, tilt, load)
-        if self.near is not None and rate != 0.0:
+        if self.lubricated and rate != 0.0:
             load += self.near.strain_loads(rate * self.strain_rate)
         if self.far is not None:
             return self._solve_coupled(load, rate, position, tilt, time)
-        if self.near is None:
+        if self.scene.lubrication is None:
             return load / np.repeat(self.scene.drags, 3)
-        velocity = self._solve(load, position, tilt, time)
+        velocity = self._solve(load, position, tilt, time) if self.lubricated else load / np.repeat(self.scene.drags, 3)
         self.history.push(time, velocity)
         return velocity
+
+    @property
+    def lubricated(self) -> bool:
+        """Whether lubrication acted on a pair at the last evaluation."""
+        return self.smallest_gap < np.inf
 
     def _add_pair_forces(self, position: np.ndarray, tilt: float, load: np.ndarray) -> None:
         chunks = self.near.chunks if self.near is not None else self.chunks
@@ -288,6 +304,8 @@ class Suspension:
         Facts of the positions, whatever acts: where no list of pairs reaches far enough, one is made for them.
         """
         pairs = self.list
+        if pairs is None and self.number == 1 and self.scene.edge > GAP_REACH:
+            return  # no image is near
         if pairs is None or pairs.cutoff < GAP_REACH or not pairs.valid(position, strain):
             pairs = VerletList(self.scene.edge, GAP_REACH, 0.0)
             pairs.build(position, strain, tilt)
@@ -309,7 +327,7 @@ class Suspension:
     def _hydrodynamic_stress(self, velocity: np.ndarray, rate: float, far: np.ndarray | None) -> np.ndarray:
         """Stresslets of near and far field; `far` (N, 5) those of the far field, on the fluid."""
         total = self._far_stresslets(rate, far).sum(axis=0)
-        if self.near is not None:
+        if self.lubricated:
             total = total + self.near.stresslet(velocity, rate * self.strain_rate)
         return 6.0 * np.pi / self.scene.edge**3 * total
 
@@ -329,14 +347,15 @@ class Suspension:
         if rate == 0.0:
             return np.zeros(6)
         still = np.zeros((self.number, 6))
-        load = self.near.strain_loads(self.strain_rate) if self.near is not None else still
+        load = self.near.strain_loads(self.strain_rate) if self.lubricated else still
         if self.far is not None:
             solution = self._coupled(load, self.strain_rate, self.flow_history, time)
             return rate * self._hydrodynamic_stress(solution.velocity, 1.0, solution.stresslet)
-        if self.near is None:
+        if self.scene.lubrication is None:
             return rate * self._hydrodynamic_stress(still, 1.0, None)
-        start = self.flow_history.extrapolate(time, load.shape)
-        velocity = self._conjugate_gradient(load, start).velocity
+        velocity = still
+        if self.lubricated:
+            velocity = self._conjugate_gradient(load, self.flow_history.extrapolate(time, load.shape)).velocity
         self.flow_history.push(time, velocity)
         return rate * self._hydrodynamic_stress(velocity, 1.0, None)
 
@@ -345,10 +364,10 @@ class Suspension:
     ) -> np.ndarray:
         """Stress of each sphere (N, 6), hydrodynamic and interparticle; the sum is the bulk's less fluid."""
         each = self._far_stresslets(rate, self.far_stresslet)
-        if self.near is not None:
+        if self.lubricated:
             each += self.near.stresslet_of_each(
-                self.scene.odd_table, position, self.scene.edge, tilt, velocity, rate * self.strain_rate
+                self._near_field.odd_table, position, self.scene.edge, tilt, velocity, rate * self.strain_rate
             )
-        if self.force_range > 0.0:
+        if self.forced:
             each += stress_per_sphere(self.list.at(position, tilt), self.scene.force, self.force_range)
         return 6.0 * np.pi / self.scene.edge**3 * each

@@ -11,6 +11,7 @@ import numpy as np
 
 from suspend.errors import ConfigurationError
 
+FREEZING = 0.494  # volume fraction of the hard-sphere fluid at coexistence (Hoover & Ree 1968)
 SMALLEST = 2.0  # radii: the smallest test sphere
 RADII = 12  # test spheres from there to L/4, evenly spaced in ln r
 ALL_PAIRS = 40_000  # spheres up to which every pair is visited: about 10 s

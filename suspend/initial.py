@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from suspend.box import wrap
+from suspend.config.physics import PACKED
 from suspend.configuration_files import READERS, RawFrame, read_run, unreadable, unusable
-from suspend.packing import PACKINGS, Packing
 from suspend.structure import smallest_distance
 
 if TYPE_CHECKING:
     from suspend.config import Config
+    from suspend.packing import Packing
 
 CELL_TOLERANCE = 1e-5  # relative, of the cell's shape: GSD holds float32, text files few digits
 FRACTION_TOLERANCE = 1e-4  # relative, between the volume fractions of file and configuration
@@ -77,7 +78,9 @@ def prepare_initial(config: Config, base_directory: str | Path = ".") -> Initial
     lubrication (not frozen by lubrication.minimum_gap) has no meaning there and no contact term is on.
     """
     particles = config.particles
-    if particles.initial in PACKINGS:
+    if particles.initial in PACKED:
+        from suspend.packing import PACKINGS
+
         packing = PACKINGS[particles.initial](
             particles.number, particles.volume_fraction, particles.minimum_gap, config.seed
         )

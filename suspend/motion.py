@@ -192,7 +192,7 @@ class Motion:
     def _close_gaps(self, state: State) -> CloseGaps | None:
         """Pairs whose gaps are integrated by themselves; None where overlaps are allowed or nothing touches."""
         near = self.suspension.near
-        if near is None or near.table.frozen > 0.0:
+        if near is None or self.suspension.scene.lubrication.frozen > 0.0:
             return None
         gaps = CloseGaps(
             self.suspension.list,

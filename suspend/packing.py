@@ -22,10 +22,9 @@ import numpy as np
 from suspend.box import edge_length
 from suspend.core.packing_kernels import metropolis, push_apart, separate
 from suspend.errors import ConfigurationError, NumericalError
-from suspend.fluctuations import needed_travel
+from suspend.fluctuations import FREEZING, needed_travel
 from suspend.structure import bond_order, carnahan_starling, contact_value, smallest_distance
 
-FREEZING = 0.494  # volume fraction of the hard-sphere fluid at coexistence (Hoover & Ree 1968)
 DENSEST = 0.62  # random packings jam at 0.64; closer to it the spheres cannot be separated reliably
 SOFTENING = 1e-3  # relative excess of the diameter at which overlaps are removed
 ROUNDING = 1e-10  # relative excess of the diameter, so that no rounding brings a pair below it
@@ -119,7 +118,9 @@ def _packing(kind: str, number: int, volume_fraction: float, minimum_gap: float,
     crystals = 0
     for attempt in range(ATTEMPTS):
         points = np.random.default_rng([seed, attempt]).random((number, 3)) * length
-        if kind == "quenched":
+        if number == 1:
+            made = _Made(points, 0, 0, 0.0)  # wherever it lies, it is at equilibrium
+        elif kind == "quenched":
             made = _quench(points, length, diameter)
         else:
             # After a start that crystallised the next one is compressed twice as fast.
@@ -153,8 +154,8 @@ def _packing(kind: str, number: int, volume_fraction: float, minimum_gap: float,
         local_q6=order.local_q6,
         crystal_fraction=order.crystal_fraction,
         needed_travel=needed,
-        equilibrium=stirred and effective <= FREEZING and made.rms_travel >= diameter,
-        long_waves=stirred and made.rms_travel >= needed,
+        equilibrium=stirred and effective <= FREEZING and (number == 1 or made.rms_travel >= diameter),
+        long_waves=stirred and (number == 1 or made.rms_travel >= needed),
         attempts=attempt + 1,
         seconds=time.perf_counter() - started,
     )

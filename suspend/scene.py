@@ -10,6 +10,7 @@ from suspend.box import edge_length, volume_fraction
 from suspend.conventions import ROTATIONAL_DRAG, SELF_STRESSLET
 from suspend.dynamics import Scene, SolverSettings, Suspension
 from suspend.forces import pair_force
+from suspend.hydro.lubrication import Lubrication
 from suspend.threads import start_threads
 
 
@@ -41,14 +42,7 @@ def make_units(config) -> Units:
 
 def make_scene(config, edge: float | None = None) -> Scene:
     """Forces, resistance functions and self terms; `edge` L in radii, from phi unless a file gave it."""
-    table = odd_table = None
-    if config.lubrication.enabled:
-        from suspend.hydro.nearfield import pair_table
-
-        lubrication = config.lubrication
-        law = (lubrication.cutoff, lubrication.at_cutoff, lubrication.minimum_gap)
-        table = pair_table(*law)
-        odd_table = pair_table(*law, odd=True) if config.output.particle_stress else None
+    law = config.lubrication
     identity = config.far_field == "identity"
     edge = edge or edge_length(config.particles.number, config.particles.volume_fraction)
     drags, ewald = (1.0, 1.0 if identity else ROTATIONAL_DRAG), None
@@ -62,13 +56,12 @@ def make_scene(config, edge: float | None = None) -> Scene:
         external[:3], external[3:] = config.external.force, config.external.torque
     return Scene(
         edge=edge,
-        table=table,
+        lubrication=Lubrication(law.cutoff, law.at_cutoff, law.minimum_gap) if law.enabled else None,
         drags=drags,
         self_stresslet=2.0 if identity else SELF_STRESSLET,
         force=pair_force(config.repulsion, config.contact),
         external=external,
         sheared=config.flow.type != "quiescent",
-        odd_table=odd_table,
         ewald=ewald,
     )
 

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from suspend.box import cell_vectors, wrap
+from suspend.box import cell_vectors, flips_of, wrap
+from suspend.core.cell_list import cells_along, collect, sort_into_bins
 
 BOND_RANGE = 2.8  # 1.4 diameters: the first minimum of g(r) in dense sphere suspensions
 SOLID_BONDS = 7  # a sphere with this many parallel q6 bonds counts as crystalline
@@ -72,18 +72,23 @@ def periodic_images(
 def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float = 0.0) -> Pairs:
     """All directed pairs with centre distance <= reach, every periodic image included (a sphere's own too).
 
-    positions (N,3), any units, equal to those of length and reach; tilt any real number. Images of the cell
-    within reach are laid around it and searched with a k-d tree, so reach may exceed L/2.
+    positions (N,3), any units, equal to those of length and reach; tilt any real number; reach may exceed L/2.
     """
-    x, ghost, owner = periodic_images(positions, length, reach, tilt)
-    tree, images = cKDTree(x), cKDTree(ghost)
-    found = tree.sparse_distance_matrix(images, reach, output_type="ndarray")
-    first, second = found["i"], owner[found["j"]]
-    vector = ghost[found["j"]] - x[first]
+    if len(positions) == 1 and reach < length:  # no vector of the lattice is shorter
+        return Pairs(np.empty(0, int), np.empty(0, int), np.empty((0, 3)), np.empty(0))
+    tilt = float(tilt - flips_of(tilt))
+    x = np.ascontiguousarray(wrap(positions, length, tilt))
+    bins = sort_into_bins(x, float(length), tilt, cells_along(length, reach, len(x)))
+    found = collect(bins, reach * (1.0 + 1e-12))
+    first, second = found[:, 0].astype(int), found[:, 1].astype(int)
+    vector = x[second] - x[first] + found[:, 2:] @ cell_vectors(length, tilt)
     distance = np.sqrt(np.sum(vector**2, axis=1))
-    # A sphere at distance zero from itself is no pair; two coincident spheres are one.
-    keep = ~((first == second) & (distance < 0.5 * length))
-    return Pairs(first[keep], second[keep], vector[keep], distance[keep])
+    near = distance <= reach
+    first, second, vector, distance = first[near], second[near], vector[near], distance[near]
+    return Pairs(
+        np.concatenate([first, second]), np.concatenate([second, first]), np.concatenate([vector, -vector]),
+        np.tile(distance, 2),
+    )  # fmt: skip
 
 
 def smallest_distance(positions: np.ndarray, length: float, tilt: float = 0.0) -> tuple[float, int, int]:
@@ -91,6 +96,8 @@ def smallest_distance(positions: np.ndarray, length: float, tilt: float = 0.0) -
 
     positions (N,3) in any units, those of length.
     """
+    if len(positions) == 1:
+        return float(length), 0, 0
     reach = min(1.2 * length / len(positions) ** (1.0 / 3.0), length)
     while True:
         pairs = pairs_within(positions, length, reach * (1.0 + 1e-9), tilt)

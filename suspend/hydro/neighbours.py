@@ -3,93 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from suspend.box import flips_of
 from suspend.core.cell import wrap_and_count
-from suspend.core.jit import kernel, parallel_kernel, scalar
+from suspend.core.cell_list import cells_along, scan, sort_into_bins
+from suspend.core.jit import kernel, parallel_kernel
 from suspend.core.pairs import PlacedPairs, separation
-
-
-class Bins(NamedTuple):
-    """Spheres sorted into cells x cells x cells equal parts of the periodic cell, the first running fastest."""
-
-    position: np.ndarray  # (N, 3)
-    edge: float
-    tilt: float
-    cells: int
-    start: np.ndarray  # (cells^3 + 1,) int64
-    member: np.ndarray  # (N,) int64, spheres of part c are member[start[c]:start[c+1]]
-
-
-@scalar
-def _scan(i, bins, reach, pairs, first):
-    """Pairs of sphere i with spheres j > i (or its own images, each once) closer than `reach`.
-
-    Writes (i, j, n1, n2, n3) to `pairs` from row `first` on if `first` >= 0; returns the number of pairs.
-    """
-    position, edge, tilt, cells, start, member = bins
-    width = edge / cells
-    span = math.ceil(reach / width)
-    span_x = math.ceil(reach * math.sqrt(1.0 + tilt * tilt) / width)
-    xi, yi, zi = position[i, 0], position[i, 1], position[i, 2]
-    cx = min(int((xi - tilt * yi) / width), cells - 1)
-    cy = min(int(yi / width), cells - 1)
-    cz = min(int(zi / width), cells - 1)
-    reach2 = reach * reach
-    found = 0
-    for kz in range(cz - span, cz + span + 1):
-        n3 = kz // cells
-        for ky in range(cy - span, cy + span + 1):
-            n2 = ky // cells
-            for kx in range(cx - span_x, cx + span_x + 1):
-                n1 = kx // cells
-                cell = ((kz - n3 * cells) * cells + (ky - n2 * cells)) * cells + (kx - n1 * cells)
-                for m in range(start[cell], start[cell + 1]):
-                    j = member[m]
-                    if j < i:
-                        continue
-                    if j == i and (n3 < 0 or (n3 == 0 and (n2 < 0 or (n2 == 0 and n1 <= 0)))):
-                        continue
-                    dx = position[j, 0] + edge * (n1 + tilt * n2) - xi
-                    dy = position[j, 1] + edge * n2 - yi
-                    dz = position[j, 2] + edge * n3 - zi
-                    if dx * dx + dy * dy + dz * dz < reach2:
-                        if first >= 0:
-                            row = first + found
-                            pairs[row, 0] = i
-                            pairs[row, 1] = j
-                            pairs[row, 2] = n1
-                            pairs[row, 3] = n2
-                            pairs[row, 4] = n3
-                        found += 1
-    return found
-
-
-@scalar
-def _bin(position, edge, tilt, cells):
-    """Sort the spheres into `Bins`."""
-    number = position.shape[0]
-    width = edge / cells
-    cell_of = np.empty(number, np.int64)
-    start = np.zeros(cells**3 + 1, np.int64)
-    for i in range(number):
-        cx = min(int((position[i, 0] - tilt * position[i, 1]) / width), cells - 1)
-        cy = min(int(position[i, 1] / width), cells - 1)
-        cz = min(int(position[i, 2] / width), cells - 1)
-        cell_of[i] = (cz * cells + cy) * cells + cx
-        start[cell_of[i] + 1] += 1
-    for c in range(cells**3):
-        start[c + 1] += start[c]
-    fill = start.copy()
-    member = np.empty(number, np.int64)
-    for i in range(number):
-        member[fill[cell_of[i]]] = i
-        fill[cell_of[i]] += 1
-    return Bins(position, edge, tilt, cells, start, member)
 
 
 @parallel_kernel
@@ -99,12 +21,12 @@ def _build(bins, reach):
     row = np.zeros(number + 1, np.int64)
     nothing = np.empty((0, 5), np.int32)
     for i in numba.prange(number):
-        row[i + 1] = _scan(i, bins, reach, nothing, -1)
+        row[i + 1] = scan(i, bins, reach, nothing, -1)
     for i in range(number):
         row[i + 1] += row[i]
     pairs = np.empty((row[number], 5), np.int32)
     for i in numba.prange(number):
-        _scan(i, bins, reach, pairs, row[i])
+        scan(i, bins, reach, pairs, row[i])
     return pairs, row
 
 
@@ -122,9 +44,7 @@ def find_pairs(position: np.ndarray, edge: float, tilt: float, reach: float) -> 
     pairs : (P, 5) int32, columns i, j, n1, n2, n3: sphere j shifted by n . cell vectors is the neighbour of i
     row : (N+1,) int64, pairs of sphere i are rows row[i]:row[i+1]
     """
-    # cells of about half the reach: fewer candidates than cells of one reach, few empty cells at N = 10^5
-    cells = max(1, min(int(edge / (0.5 * reach)), 1 + round(2.0 * position.shape[0] ** (1.0 / 3.0))))
-    return _build(_bin(position, edge, tilt, cells), reach)
+    return _build(sort_into_bins(position, edge, tilt, cells_along(edge, reach, position.shape[0])), reach)
 
 
 def stretch(strain_increment: float) -> float:
@@ -164,6 +84,16 @@ class VerletList:
     def at(self, position: np.ndarray, tilt: float) -> PlacedPairs:
         """The list with the positions (N, 3) and the tilt its pairs are wanted at."""
         return PlacedPairs(self.pairs, self.offset, position, self.edge, tilt)
+
+    def holds(self, position: np.ndarray, tilt: float, reach: float) -> bool:
+        """Whether a pair can come within `reach` <= cutoff while the list, built at these positions, is valid.
+
+        A pair farther apart than reach + skin at the build cannot: its distance stays above
+        cutoff - (cutoff - reach)/stretch >= reach.
+        """
+        if not len(self.pairs) or reach <= 0.0:
+            return False
+        return reach >= self.cutoff or contacts_within(self.at(position, tilt), reach + self.skin)[0] < math.inf
 
     def valid(self, position: np.ndarray, strain: float) -> bool:
         """Whether the list still holds every pair within the cutoff at these positions and this strain."""

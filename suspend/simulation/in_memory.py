@@ -34,8 +34,8 @@ class Simulation:
             integrator.max_evaluations,
         )
         self.motion = Motion(self.suspension, self.flow, METHODS[integrator.method], settings)
-        solved = self.suspension.near is not None or self.suspension.far is not None
-        driven = output.flow_driven and solved and self.suspension.scene.sheared
+        scene = self.suspension.scene
+        driven = output.flow_driven and scene.sheared and (scene.lubrication is not None or scene.ewald is not None)
         self.recorder = Recorder(
             self.motion, self.units, output.samples_per_cycle, output.position_phases, driven, output.particle_stress
         )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from suspend.analysis.steady_state import SteadyWatch
 from suspend.config import Config
 from suspend.dynamics import Counters
 from suspend.errors import Interrupted, NumericalError
@@ -17,6 +17,9 @@ from suspend.simulation.in_memory import Simulation
 from suspend.simulation.progress import ProgressState, while_compiling
 from suspend.simulation.stop import Stop
 from suspend.simulation.summary import Summary
+
+if TYPE_CHECKING:
+    from suspend.analysis.steady_state import SteadyWatch
 
 PROGRESS_EVERY = 0.1  # seconds
 
@@ -158,5 +161,7 @@ def watch(config: Config, store: RunStore) -> SteadyWatch | None:
     """What ends a run at its steady state, with the cycles done so far; None where it runs for its duration."""
     if config.duration.until_steady is None:
         return None
+    from suspend.analysis.steady_state import SteadyWatch
+
     with Run(store.directory) as stored:
         return SteadyWatch.of(stored, config.duration.until_steady, store.cycles_done)

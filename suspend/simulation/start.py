@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numba
 
@@ -12,15 +13,16 @@ from suspend.analysis.rheology import block_row, cycle_row
 from suspend.config import Config, loads
 from suspend.errors import ConfigurationError, StorageError
 from suspend.flow import Flow, continued_flow, make_flow, rate_scale
-from suspend.initial import InitialConfiguration, prepare_initial
 from suspend.io import CycleTable, Run, RunStore, holds_run
 from suspend.scene import make_units
 from suspend.simulation.in_memory import Simulation
 from suspend.simulation.provenance import provenance
 from suspend.simulation.session import Session
-from suspend.simulation.start_figures import start_figures
 from suspend.simulation.stop import Stop
 from suspend.simulation.summary import Summary
+
+if TYPE_CHECKING:
+    from suspend.initial import InitialConfiguration
 
 
 def run(
@@ -52,7 +54,7 @@ def run(
         if exists:
             simulation, store = _continue(config, directory, threads, say)
         else:
-            initial = prepare(config) if prepare else prepare_initial(config, config.directory)
+            initial = (prepare or _prepared)(config)
             simulation, store = _start(config, directory, threads, say, initial)
         with store:
             session = Session(simulation, store, stop, progress, started)
@@ -65,6 +67,12 @@ def _use_threads(threads: int | None) -> int:
     if threads is not None and not 1 <= threads <= available:
         raise ConfigurationError(f"threads: {threads}; this process can use 1 to {available}")
     return threads or available
+
+
+def _prepared(config: Config) -> InitialConfiguration:
+    from suspend.initial import prepare_initial  # what makes or reads a start is not needed to continue
+
+    return prepare_initial(config, config.directory)
 
 
 def _table(config: Config) -> CycleTable:
@@ -80,6 +88,8 @@ def _table(config: Config) -> CycleTable:
 def _start(
     config: Config, directory: Path, threads: int, say, initial: InitialConfiguration
 ) -> tuple[Simulation, RunStore]:
+    from suspend.simulation.start_figures import start_figures
+
     simulation = Simulation(config, threads, initial.length)
     simulation.start(initial.positions, initial.tilt)
     figures = start_figures(initial, config.particles.minimum_gap)

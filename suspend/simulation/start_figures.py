@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from suspend.fluctuations import (
     ALL_PAIRS,
+    FREEZING,
     MINIMUM_RANGE,
     SMALLEST,
     equilibrium_exponent,
@@ -17,9 +18,9 @@ from suspend.fluctuations import (
 )
 from suspend.initial import InitialConfiguration
 from suspend.missing import text
-from suspend.packing import DENSEST, FREEZING
 from suspend.structure import bond_order, carnahan_starling, contact_value
 
+DENSEST_FLUID = 0.62  # volume fraction up to which its figures are given
 FEWEST = 30  # spheres, below which density fluctuations say nothing
 
 
@@ -89,7 +90,7 @@ def start_figures(initial: InitialConfiguration, minimum_gap: float | None) -> S
     note = _no_exponent(len(x), length)
     beta = math.nan if note else variance_exponent(x, length, tilt)
     fluid = [math.nan] * 3
-    if phi <= DENSEST:
+    if phi <= DENSEST_FLUID:
         longest = float(equilibrium_structure_factor(2.0 * math.pi / length, phi, diameter))
         exponent = math.nan if note else equilibrium_exponent(len(x), length, phi, diameter)
         fluid = [carnahan_starling(phi), longest, exponent]
