@@ -58,3 +58,27 @@ def wrap(positions: np.ndarray, edge: float, tilt: float = 0.0) -> np.ndarray:
 def flip(image: np.ndarray, extra_flips: int) -> None:
     """Re-express images (in place) for a tilt lowered by `extra_flips`: a2_old = a2_new + extra_flips a1."""
     image[:, 0] += (extra_flips * image[:, 1]).astype(image.dtype)
+
+
+def periodic_images(
+    positions: np.ndarray, length: float, reach: float, tilt: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Wrapped positions (N,3), all their images closer than `reach` to the cell (M,3), and whose they are (M,).
+
+    The images include the positions themselves. A k-d tree of them answers any question about distances up
+    to `reach` from points of the cell; scipy's own periodic tree (boxsize) knows rectangular cells only, where
+    a neighbour across a sheared face would be looked for at the wrong x.
+    """
+    x = wrap(positions, length, tilt)
+    fractions = np.column_stack([(x[:, 0] - tilt * x[:, 1]) / length, x[:, 1] / length, x[:, 2] / length])
+    margin = reach / length * np.array([math.hypot(1.0, tilt), 1.0, 1.0])
+    layers = np.ceil(margin).astype(int)
+    vectors = cell_vectors(length, tilt)
+    ghosts, owners = [], []
+    for shift in np.ndindex(*(2 * layers + 1)):
+        image = np.array(shift) - layers
+        f = fractions + image
+        near = np.flatnonzero(np.all((f >= -margin - 1e-9) & (f <= 1.0 + margin + 1e-9), axis=1))
+        ghosts.append(x[near] + image @ vectors)
+        owners.append(near)
+    return x, np.concatenate(ghosts), np.concatenate(owners)

@@ -10,22 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from suspend.bonds import BOND_RANGE, BondOrder, Pairs, bond_order_of_pairs
 from suspend.box import cell_vectors, flips_of, wrap
 from suspend.core.cell_list import cells_along, collect, sort_into_bins
 
-BOND_RANGE = 2.8  # 1.4 diameters: the first minimum of g(r) in dense sphere suspensions
-SOLID_BONDS = 7  # a sphere with this many parallel q6 bonds counts as crystalline
-PARALLEL = 0.7  # q6 bonds with a normalised scalar product above this are parallel
 MINIMUM_PAIRS = 30  # below this many pairs in the shell a contact value says nothing
-
-
-class Pairs(NamedTuple):
-    """Directed pairs: both (i, j) and (j, i) appear, each with every image in range."""
-
-    first: np.ndarray  # (P,) int, sphere i
-    second: np.ndarray  # (P,) int, sphere j
-    vector: np.ndarray  # (P,3) from i to the image of j
-    distance: np.ndarray  # (P,)
 
 
 class ContactValue(NamedTuple):
@@ -34,39 +23,6 @@ class ContactValue(NamedTuple):
     value: float
     error: float
     pairs: int
-
-
-class BondOrder(NamedTuple):
-    """Steinhardt order of the bonds within a range (see `bond_order`)."""
-
-    global_q6: float
-    local_q6: float
-    crystal_fraction: float
-    bonds: int
-
-
-def periodic_images(
-    positions: np.ndarray, length: float, reach: float, tilt: float = 0.0
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Wrapped positions (N,3), all their images closer than `reach` to the cell (M,3), and whose they are (M,).
-
-    The images include the positions themselves. A k-d tree of them answers any question about distances up
-    to `reach` from points of the cell; scipy's own periodic tree (boxsize) knows rectangular cells only, where
-    a neighbour across a sheared face would be looked for at the wrong x.
-    """
-    x = wrap(positions, length, tilt)
-    fractions = np.column_stack([(x[:, 0] - tilt * x[:, 1]) / length, x[:, 1] / length, x[:, 2] / length])
-    margin = reach / length * np.array([math.hypot(1.0, tilt), 1.0, 1.0])
-    layers = np.ceil(margin).astype(int)
-    vectors = cell_vectors(length, tilt)
-    ghosts, owners = [], []
-    for shift in np.ndindex(*(2 * layers + 1)):
-        image = np.array(shift) - layers
-        f = fractions + image
-        near = np.flatnonzero(np.all((f >= -margin - 1e-9) & (f <= 1.0 + margin + 1e-9), axis=1))
-        ghosts.append(x[near] + image @ vectors)
-        owners.append(near)
-    return x, np.concatenate(ghosts), np.concatenate(owners)
 
 
 def pairs_within(positions: np.ndarray, length: float, reach: float, tilt: float = 0.0) -> Pairs:
@@ -157,31 +113,6 @@ def carnahan_starling(volume_fraction: float) -> float:
     return (1.0 - 0.5 * volume_fraction) / (1.0 - volume_fraction) ** 3
 
 
-def sixth_harmonics(vectors: np.ndarray) -> np.ndarray:
-    """The 13 real spherical harmonics of degree 6 of the directions `vectors` (P,3), shape (P,13).
-
-    Scaled so that the product of two rows is the Legendre polynomial P6 of the angle between them.
-    """
-    u = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    z = u[:, 2]
-    w = u[:, 0] + 1j * u[:, 1]
-    z2 = z * z
-    polynomials = (
-        (math.sqrt(21.0) / 8.0, z * (33.0 * z2 * z2 - 30.0 * z2 + 5.0)),
-        (math.sqrt(105.0 / 2.0) / 16.0, 33.0 * z2 * z2 - 18.0 * z2 + 1.0),
-        (math.sqrt(105.0 / 2.0) / 8.0, z * (11.0 * z2 - 3.0)),
-        (math.sqrt(63.0) / 16.0, 11.0 * z2 - 1.0),
-        (math.sqrt(693.0 / 2.0) / 8.0, z),
-        (math.sqrt(231.0 / 2.0) / 16.0, np.ones_like(z)),
-    )
-    columns = [(231.0 * z2**3 - 315.0 * z2 * z2 + 105.0 * z2 - 5.0) / 16.0]
-    power = np.ones_like(w)
-    for factor, polynomial in polynomials:
-        power = power * w
-        columns += [factor * polynomial * power.real, factor * polynomial * power.imag]
-    return np.column_stack(columns)
-
-
 def bond_order(positions: np.ndarray, length: float, tilt: float = 0.0, reach: float = BOND_RANGE) -> BondOrder:
     """Steinhardt bond order of degree 6 with neighbours closer than `reach`.
 
@@ -194,23 +125,3 @@ def bond_order(positions: np.ndarray, length: float, tilt: float = 0.0, reach: f
     All zero without bonds. positions (N,3) and reach in the units of length.
     """
     return bond_order_of_pairs(pairs_within(positions, length, reach, tilt), len(positions))
-
-
-def bond_order_of_pairs(pairs: Pairs, n: int) -> BondOrder:
-    """`bond_order` of n spheres whose bonds are known."""
-    if len(pairs.distance) == 0:
-        return BondOrder(0.0, 0.0, 0.0, 0)
-    harmonics = sixth_harmonics(pairs.vector)
-    neighbours = np.bincount(pairs.first, minlength=n)
-    sums = np.column_stack([np.bincount(pairs.first, column, minlength=n) for column in harmonics.T])
-    norms = np.sqrt(np.sum(sums**2, axis=1))
-    local = norms / np.maximum(neighbours, 1)
-    unit = sums / np.maximum(norms, 1e-300)[:, None]
-    parallel = np.sum(unit[pairs.first] * unit[pairs.second], axis=1) > PARALLEL
-    connections = np.bincount(pairs.first, parallel, minlength=n)
-    return BondOrder(
-        float(np.linalg.norm(harmonics.mean(axis=0))),
-        float(local.mean()),
-        float(np.mean(connections >= SOLID_BONDS)),
-        len(pairs.distance) // 2,
-    )

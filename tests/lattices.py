@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from suspend.structure import cell_vectors
+from suspend.box import cell_vectors
 
 SC = [(0.0, 0.0, 0.0)]
 BCC = [*SC, (0.5, 0.5, 0.5)]

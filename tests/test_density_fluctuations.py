@@ -13,8 +13,8 @@ from scipy.integrate import simpson
 from suspend.analysis.microstructure import NumberVariance, Snapshot, StructureFactor, fit_beta, number_variance
 from suspend.analysis.microstructure.number_variance import exact_variance
 from suspend.analysis.microstructure.structure_factor import allowed_vectors, fit_small_q, scattering
+from suspend.box import cell_vectors
 from suspend.errors import ConfigurationError
-from suspend.structure import cell_vectors
 
 matplotlib.use("Agg")
 

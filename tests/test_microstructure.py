@@ -23,8 +23,8 @@ from suspend.analysis.microstructure import (
     shape_factor,
 )
 from suspend.analysis.microstructure.angular import directions
+from suspend.box import cell_vectors
 from suspend.errors import ConfigurationError, NumericalError
-from suspend.structure import cell_vectors
 
 matplotlib.use("Agg")
 TILTS = [0.0, 0.37, -0.5, 0.5, 2.3]

@@ -8,8 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from suspend.bonds import sixth_harmonics
 from suspend.box import cell_vectors, wrap
-from suspend.structure import bond_order, contact_value, pairs_within, sixth_harmonics, smallest_distance
+from suspend.structure import bond_order, contact_value, pairs_within, smallest_distance
 
 
 def naive_distances(positions, length, reach, tilt):

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from suspend.box import cell_vectors, wrap
 from suspend.errors import ConfigurationError
 from suspend.figures.runs import Member
 from suspend.figures.scalars import DISPLACEMENT, Scalar, scalar_kind, scalar_of_frame
 from suspend.figures.style import DIVERGING, SEQUENTIAL
-from suspend.structure import cell_vectors, wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from suspend.analysis.microstructure.snapshot import SPACED, FrameQuantity, Frames, Snapshot, tabulate_frames
-from suspend.structure import BOND_RANGE, BondOrder, bond_order_of_pairs
+from suspend.bonds import BOND_RANGE, BondOrder, bond_order_of_pairs
 
 CRYSTALLISED = 0.1  # share of crystalline spheres above which a configuration is called crystallised
 

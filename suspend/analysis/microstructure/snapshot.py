@@ -12,8 +12,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from suspend.analysis.quantity import Quantity
+from suspend.bonds import Pairs
+from suspend.box import periodic_images
 from suspend.errors import ConfigurationError, NumericalError, StorageError
-from suspend.structure import Pairs, periodic_images
 
 if TYPE_CHECKING:
     from suspend.io import Run
