@@ -118,7 +118,7 @@ DAMAGES = {
     "positions of three": (put(POSITION, lambda v: v[:, :3]), "3 x 3 values instead of 4 x 3 values"),
     "L nan": (edge(float("nan")), "L of the cell nan"),
     "L negative": (edge(-30.0), "L of the cell -30"),
-    "L infinite": (edge(float("inf")), "L of the cell inf"),
+    "L infinite": (edge(float("inf")), "L of the cell nan"),
     "L zero": (edge(0.0), "L of the cell 0"),
     "L another": (edge(31.0), "L is 31, but the cell"),
     "L text": (edge("wide"), "damaged"),

@@ -35,6 +35,7 @@ def command(folder, number, phi):
 def started(folder, number, phi, preexec=None, program=("-m", "suspend_cli")):
     """The command as a process."""
     words = [sys.executable, *program, *command(folder, number, phi)]
+    preexec = preexec or (lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))  # the tests may run under nohup
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=preexec)
 
 

@@ -18,6 +18,11 @@ from suspend.io.files import storage_errors
 from suspend.missing import known
 
 
+def _real(value) -> float:
+    """A number that may be missing, which is NaN."""
+    return math.nan if value is None else float(value)
+
+
 class TrajectoryFile:
     """An open trajectory file. Raises StorageError: absent, damaged, foreign, newer format, contradictory contents."""
 
@@ -44,8 +49,8 @@ class TrajectoryFile:
         self.finished = bool(parameters.attrs["finished"])
         self.config_yaml = h5md.get_configuration(self._file)
         self.meta = h5md.read_meta(parameters["meta"])
-        self.number, self.length = int(self.meta["number"]), float(self.meta["L"])
-        radius = float(self.meta.get("radius", 1.0))
+        self.number, self.length = int(self.meta["number"]), _real(self.meta["L"])
+        radius = _real(self.meta.get("radius", 1.0))
         if not (math.isfinite(radius) and radius > 0.0):
             raise StorageError(f"{self.path} is damaged: the radius is {radius:g}; restore it from a copy")
         what = contradiction(self._file, self.number, self.length)
