@@ -71,13 +71,18 @@ def sweep(folder, *arguments, **more):
     return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=environment(**more), timeout=LIMIT)
 
 
+def _text(path):
+    """What a file holds; nothing where a run that has just begun has not written it yet."""
+    return path.read_text() if path.exists() else ""
+
+
 def contents(folder):
     """Run id, strain at the end of each cycle and moduli of every point by its folder."""
     found = {}
     for path in sorted(Path(folder).glob("*/trajectory.h5")):
         with Run(path.parent) as run:
             cycles = [run.cycle(k)["strain"] for k in range(run.cycles)]
-            found[path.parent.name] = (run.run_id, cycles, (path.parent / "moduli.csv").read_text())
+            found[path.parent.name] = (run.run_id, cycles, _text(path.parent / "moduli.csv"))
     return found
 
 
